@@ -1,0 +1,4 @@
+program main
+  implicit none (type, external)
+  print '(a)', 'calor'
+end program main

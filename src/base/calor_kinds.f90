@@ -1,0 +1,15 @@
+!> The number kinds that the whole library uses.
+module calor_kinds
+  use, intrinsic :: iso_fortran_env, only: real64, int32, int64
+  implicit none (type, external)
+  private
+
+  public :: wp, ip, i8
+
+  !> Working precision of every physical quantity
+  integer, parameter :: wp = real64
+  !> Particle numbers and positions in neighbour lists
+  integer, parameter :: ip = int32
+  !> Counters and byte sizes that may exceed two thousand million
+  integer, parameter :: i8 = int64
+end module calor_kinds

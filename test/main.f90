@@ -1,0 +1,58 @@
+!> Runs the test suites: all of them, one (`-- SUITE`), or one test of one suite (`-- SUITE TEST`).
+program main
+  use, intrinsic :: iso_fortran_env, only: error_unit
+  use testdrive, only: run_testsuite, new_testsuite, testsuite_type, select_suite, run_selected
+  use test_text, only: collect_text
+  implicit none (type, external)
+
+  type(testsuite_type), allocatable :: suites(:)
+  character(len=:), allocatable :: suite_name, test_name
+  integer :: failures, k
+
+  suites = [ &
+           new_testsuite('text', collect_text) &
+           ]
+
+  failures = 0
+  suite_name = argument(1)
+  test_name = argument(2)
+  if (suite_name == '') then
+    do k = 1, size(suites)
+      write (error_unit, '(a)') '# '//suites(k)%name
+      call run_testsuite(suites(k)%collect, error_unit, failures)
+    end do
+  else
+    k = select_suite(suites, suite_name)
+    if (k < 1 .or. k > size(suites)) then
+      write (error_unit, '(a)') 'No suite is called '//suite_name//'. There are:'
+      do k = 1, size(suites)
+        write (error_unit, '(a)') '  '//suites(k)%name
+      end do
+      error stop 1
+    end if
+    if (test_name == '') then
+      call run_testsuite(suites(k)%collect, error_unit, failures)
+    else
+      call run_selected(suites(k)%collect, test_name, error_unit, failures)
+    end if
+  end if
+
+  if (failures /= 0) then
+    write (error_unit, '(i0,a)') failures, ' test(s) failed'
+    error stop 1
+  end if
+
+contains
+
+  !> Command-line argument number `position`, or '' if there is none.
+  function argument(position) result(text)
+    integer, intent(in) :: position
+    character(len=:), allocatable :: text
+    integer :: length
+
+    call get_command_argument(position, length=length)
+    allocate (character(len=length) :: text)
+    if (length > 0) call get_command_argument(position, text)
+  end function argument
+
+end program main
