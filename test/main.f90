@@ -1,4 +1,7 @@
 !> Runs the test suites: all of them, one (`-- SUITE`), or one test of one suite (`-- SUITE TEST`).
+!>
+!> One test after another: test-drive would run them side by side under OpenMP, but HDF5 is not
+!> thread-safe, tests measure, and a parallel loop inside a test should get its threads.
 program main
   use, intrinsic :: iso_fortran_env, only: error_unit
   use testdrive, only: run_testsuite, new_testsuite, testsuite_type, select_suite, run_selected
@@ -19,7 +22,7 @@ program main
   if (suite_name == '') then
     do k = 1, size(suites)
       write (error_unit, '(a)') '# '//suites(k)%name
-      call run_testsuite(suites(k)%collect, error_unit, failures)
+      call run_testsuite(suites(k)%collect, error_unit, failures, parallel=.false.)
     end do
   else
     k = select_suite(suites, suite_name)
@@ -31,7 +34,7 @@ program main
       error stop 1
     end if
     if (test_name == '') then
-      call run_testsuite(suites(k)%collect, error_unit, failures)
+      call run_testsuite(suites(k)%collect, error_unit, failures, parallel=.false.)
     else
       call run_selected(suites(k)%collect, test_name, error_unit, failures)
     end if
