@@ -1,0 +1,73 @@
+# Builds, tests and runs calor. `make help` lists what can be asked for.
+#
+# fpm does the building. It is given `--flag` and never `--profile`: fpm's own profiles (its default
+# too) contain -fcoarray=single, which changes how gfortran lays out derived types, and then the
+# tests crash where the precompiled stand-in for test-drive is used (see tools/set_up.sh). For the same
+# reason, use `fpm test --flag "-O2"` there when calling fpm by hand.
+
+.DEFAULT_GOAL := build
+.NOTPARALLEL:
+.PHONY: help build run test test-checked examples lint format set-up clean distclean
+SHELL := /bin/bash
+
+RELEASE_FLAGS := -O3 -march=native
+CHECKED_FLAGS := -Og -g -fcheck=all -finit-real=snan -ffpe-trap=invalid,zero,overflow \
+  -fsanitize=address,undefined -fno-sanitize-recover=undefined \
+  -Wall -Wextra -Wimplicit-interface -Wno-maybe-uninitialized -Wno-compare-reals
+
+# What one build consists of; `test-checked` sets these three anew.
+FLAGS    ?= $(RELEASE_FLAGS)
+BIN      ?= bin
+EXAMPLES ?= build/examples
+
+# Libraries that a program does not call are not tied to it.
+FPM_OPTIONS = --flag "$(strip $(FLAGS))" --link-flag "-Wl,--as-needed"
+FPM         = .venv/bin/fpm
+
+# set_up.sh puts a link to the serial HDF5's description there.
+export PKG_CONFIG_PATH := $(CURDIR)/build/pkgconfig:$(PKG_CONFIG_PATH)
+
+# Where the tests find the programs that they run.
+export CALOR_PROGRAM  = $(abspath $(BIN))/calor
+export CALOR_EXAMPLES = $(abspath $(EXAMPLES))
+
+help: ## list the targets
+	@sed -n 's/^\([a-z-]*\):[^#]*## \(.*\)/\1|\2/p' $(MAKEFILE_LIST) | \
+	while IFS='|' read -r name text; do printf 'make %-13s %s\n' "$$name" "$$text"; done
+
+build: set-up ## the program, at bin/calor (installs what is missing; the default)
+	@$(FPM) run $(FPM_OPTIONS) --target calor --runner "tools/place.sh $(BIN)"
+
+run: build ## build, and run the heat problem data/plate.nml
+	$(BIN)/calor run data/plate.nml
+
+examples: set-up ## the programs of example/, in build/examples
+	@mkdir -p $(EXAMPLES)
+	@$(if $(wildcard example/*.f90),$(FPM) run $(FPM_OPTIONS) --example --all \
+	  --runner "tools/place.sh $(EXAMPLES)")
+
+test: build examples ## all tests; SUITE=text runs one suite, TEST="numbers as text" one test of it
+	@$(FPM) test $(FPM_OPTIONS) -- $(SUITE) $(if $(TEST),"$(TEST)")
+
+# Leak detection needs ptrace, which many containers forbid.
+test-checked: ## all tests in a build with run-time checks and sanitizers (slow)
+	@ASAN_OPTIONS=detect_leaks=0 $(MAKE) --no-print-directory test \
+	  FLAGS='$(CHECKED_FLAGS)' BIN=build/checked/bin EXAMPLES=build/checked/examples
+
+lint: ## check the sources: fortitude's rules and the format
+	@tools/set_up.sh lint
+	@.venv/bin/fortitude check --quiet $(wildcard src app test example)
+	@tools/format.sh --check $(wildcard src app test example)
+
+format: ## indent the sources as `make lint` wants them
+	@tools/set_up.sh lint
+	@tools/format.sh $(wildcard src app test example)
+
+set-up: ## install what is missing, build nothing
+	@tools/set_up.sh
+
+clean: ## remove what was built
+	rm -rf bin build/checked build/examples build/gfortran_* build/cache.toml build/compile_commands.json
+
+distclean: clean ## remove what was built and what was installed here (Debian packages stay)
+	rm -rf build .venv .venv-vtk
