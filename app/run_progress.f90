@@ -1,0 +1,28 @@
+!> A line on the terminal for every state that a run reaches.
+module run_progress
+  use, intrinsic :: iso_fortran_env, only: output_unit
+  use calor, only: observer_t, simulation_t, to_text
+  implicit none (type, external)
+  private
+
+  public :: run_progress_t
+
+  type, extends(observer_t) :: run_progress_t
+  contains
+    procedure :: reached
+  end type run_progress_t
+
+contains
+
+  subroutine reached(this, simulation)
+    class(run_progress_t), intent(inout) :: this
+    type(simulation_t), intent(in) :: simulation
+
+    write (output_unit, '(a)') 't = '//to_text(simulation%time, digits=6)//' s   temperature '// &
+      to_text(minval(simulation%temperature), digits=6)//' to '// &
+      to_text(maxval(simulation%temperature), digits=6)//'   step '// &
+      to_text(simulation%stepper%steps)
+    flush (output_unit)
+  end subroutine reached
+
+end module run_progress

@@ -1,0 +1,69 @@
+!> Wall time by phase.
+module calor_stopwatch
+  use calor_kinds, only: wp, i8
+  implicit none (type, external)
+  private
+
+  public :: stopwatch_t, phase_t
+
+  !> A named share of the wall time
+  type :: phase_t
+    character(len=16) :: name = ''
+    !> s
+    real(wp) :: seconds = 0.0_wp
+  end type phase_t
+
+  !> Adds up the wall time of named phases, one of which runs at a time
+  type :: stopwatch_t
+    !> The phases in the order of their first start
+    type(phase_t), allocatable :: phases(:)
+    integer(i8), private :: since = 0
+    integer, private :: running = 0
+  contains
+    !> End the phase that runs, if any, and start or go on with another
+    procedure :: start
+    !> End the phase that runs
+    procedure :: stop => stop_phase
+    !> Wall time of all phases, s
+    procedure :: total
+  end type stopwatch_t
+
+contains
+
+  subroutine start(this, name)
+    class(stopwatch_t), intent(inout) :: this
+    !> The phase
+    character(len=*), intent(in) :: name
+    integer :: k
+
+    call this%stop()
+    if (.not. allocated(this%phases)) allocate (this%phases(0))
+    do k = 1, size(this%phases)
+      if (this%phases(k)%name == name) exit
+    end do
+    if (k > size(this%phases)) this%phases = [this%phases, phase_t(name)]
+    this%running = k
+    call system_clock(this%since)
+  end subroutine start
+
+  subroutine stop_phase(this)
+    class(stopwatch_t), intent(inout) :: this
+    integer(i8) :: now, rate
+
+    if (this%running == 0) return
+    call system_clock(now, rate)
+    associate (phase => this%phases(this%running))
+      phase%seconds = phase%seconds + real(now - this%since, wp)/rate
+    end associate
+    this%running = 0
+  end subroutine stop_phase
+
+  pure function total(this) result(seconds)
+    class(stopwatch_t), intent(in) :: this
+    real(wp) :: seconds
+
+    seconds = 0
+    if (allocated(this%phases)) seconds = sum(this%phases%seconds)
+  end function total
+
+end module calor_stopwatch

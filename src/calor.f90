@@ -1,0 +1,44 @@
+!> The public face of the library: `use calor` gives an application all it needs.
+module calor
+  use calor_arrangements, only: arrangement_choices, make_rectangle
+  use calor_choice, only: choice_t, choice_names
+  use calor_cloud, only: cloud_t
+  use calor_cloud_check, only: check_cloud
+  use calor_cloud_file, only: read_cloud_file
+  use calor_constants, only: pi
+  use calor_description, only: describe_plan, describe_result
+  use calor_error, only: error_t, raise, status_done, status_bad_input, status_bad_numbers, &
+                         status_bad_file
+  use calor_evolution, only: evolution_t
+  use calor_expression, only: expression_t, compile_expression
+  use calor_field_file, only: field_file_t
+  use calor_gradient_scheme, only: gradient_scheme_t
+  use calor_gradient_schemes, only: gradient_choices, make_gradient_scheme
+  use calor_integrator, only: integrator_t
+  use calor_integrators, only: integrator_choices, make_integrator
+  use calor_kernel, only: kernel_t
+  use calor_kernels, only: kernel_choices, make_kernel
+  use calor_kinds, only: wp, ip, i8
+  use calor_laplacian_scheme, only: laplacian_scheme_t, row_laplacian_t
+  use calor_laplacian_schemes, only: laplacian_choices, make_laplacian_scheme
+  use calor_neighbour_list, only: neighbour_list_t, build_neighbour_list
+  use calor_new_scene, only: write_new_scene
+  use calor_operator_description, only: describe_derivatives
+  use calor_operator_study, only: operator_study_t, derivative_t
+  use calor_renormalization, only: gradient_tensor, laplacian_tensor
+  use calor_row_report, only: row_report_t
+  use calor_scene, only: scene_t
+  use calor_scene_contract, only: contract_help
+  use calor_scene_reader, only: read_scene
+  use calor_simulation, only: simulation_t, observer_t
+  use calor_space_filling_curve, only: hilbert_order
+  use calor_sparse_operator, only: sparse_operator_t
+  use calor_spectral_radius, only: estimate_spectral_radius
+  use calor_stencil, only: stencil_t
+  use calor_stepper, only: stepper_t
+  use calor_text, only: text_t, to_text, suggestion
+  use calor_version, only: version
+  use calor_volume, only: volumes_from_kernel
+  implicit none (type, external)
+  public
+end module calor

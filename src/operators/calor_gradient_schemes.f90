@@ -1,0 +1,50 @@
+!> The table of schemes for the first derivative.
+module calor_gradient_schemes
+  use calor_choice, only: choice_t, choice_names
+  use calor_error, only: error_t, raise, status_bad_input
+  use calor_gradient_difference, only: difference_gradient_t
+  use calor_gradient_renormalized, only: renormalized_gradient_t
+  use calor_gradient_scheme, only: gradient_scheme_t
+  use calor_gradient_standard, only: standard_gradient_t
+  use calor_gradient_sum, only: sum_gradient_t
+  use calor_text, only: suggestion
+  implicit none (type, external)
+  private
+
+  public :: gradient_choices, make_gradient_scheme
+
+  !> Every gradient scheme that a scene may name
+  type(choice_t), parameter :: gradient_choices(*) = [ &
+      choice_t('standard', 'sum of u_j times the kernel gradient; exact for nothing'), &
+      choice_t('difference', 'sum of u_j - u_i; exact for constants'), &
+      choice_t('sum', 'sum of u_j + u_i; conserves in pairs, exact for nothing'), &
+      choice_t('renormalized', 'difference with the tensor B; exact for linear fields') &
+      ]
+
+contains
+
+  !> Make the gradient scheme of that name.
+  subroutine make_gradient_scheme(name, scheme, error)
+    !> One of the names in `gradient_choices`
+    character(len=*), intent(in) :: name
+    !> The scheme
+    class(gradient_scheme_t), allocatable, intent(out) :: scheme
+    !> No scheme has that name
+    type(error_t), allocatable, intent(out) :: error
+
+    select case (name)
+    case ('standard')
+      allocate (standard_gradient_t :: scheme)
+    case ('difference')
+      allocate (difference_gradient_t :: scheme)
+    case ('sum')
+      allocate (sum_gradient_t :: scheme)
+    case ('renormalized')
+      allocate (renormalized_gradient_t :: scheme)
+    case default
+      call raise(error, status_bad_input, 'No gradient scheme is called '''//name//'''.'// &
+                 suggestion(name, choice_names(gradient_choices)))
+    end select
+  end subroutine make_gradient_scheme
+
+end module calor_gradient_schemes

@@ -1,0 +1,32 @@
+!> Interfaces of the LAPACK routines in use.
+module calor_lapack
+  use calor_kinds, only: wp
+  implicit none (type, external)
+  private
+
+  public :: dgesv, dgelss
+
+  interface
+    !> Solve A X = B by LU factorisation with partial pivoting
+    subroutine dgesv(n, nrhs, a, lda, ipiv, b, ldb, info)
+      import :: wp
+      implicit none (type, external)
+      integer, intent(in) :: n, nrhs, lda, ldb
+      real(wp), intent(inout) :: a(lda, *), b(ldb, *)
+      integer, intent(out) :: ipiv(*), info
+    end subroutine dgesv
+
+    !> Minimum-norm least-squares solution of A X = B by the singular value decomposition
+    subroutine dgelss(m, n, nrhs, a, lda, b, ldb, s, rcond, rank, work, lwork, info)
+      import :: wp
+      implicit none (type, external)
+      integer, intent(in) :: m, n, nrhs, lda, ldb, lwork
+      real(wp), intent(inout) :: a(lda, *), b(ldb, *)
+      real(wp), intent(out) :: s(*)
+      real(wp), intent(in) :: rcond
+      integer, intent(out) :: rank, info
+      real(wp), intent(out) :: work(*)
+    end subroutine dgelss
+  end interface
+
+end module calor_lapack

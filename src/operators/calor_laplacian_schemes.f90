@@ -1,0 +1,54 @@
+!> The table of schemes for the Laplacian.
+module calor_laplacian_schemes
+  use calor_choice, only: choice_t, choice_names
+  use calor_error, only: error_t, raise, status_bad_input
+  use calor_laplacian_brookshaw, only: brookshaw_t
+  use calor_laplacian_brookshaw_renormalized, only: brookshaw_renormalized_t
+  use calor_laplacian_double_gradient, only: double_gradient_t
+  use calor_laplacian_fatehi_manzari, only: fatehi_manzari_t
+  use calor_laplacian_kernel_second_derivative, only: kernel_second_derivative_t
+  use calor_laplacian_scheme, only: laplacian_scheme_t
+  use calor_text, only: suggestion
+  implicit none (type, external)
+  private
+
+  public :: laplacian_choices, make_laplacian_scheme
+
+  !> Every Laplacian scheme that a scene may name
+  type(choice_t), parameter :: laplacian_choices(*) = [ &
+      choice_t('kernel_second_derivative', 'the kernel differentiated twice; exact for constants'), &
+      choice_t('double_gradient', 'renormalized gradient twice; exact for linear fields'), &
+      choice_t('brookshaw', 'the usual SPH Laplacian; exact for constants'), &
+      choice_t('brookshaw_renormalized', 'brookshaw with the tensor B; exact for constants'), &
+      choice_t('fatehi_manzari', 'the paper''s new scheme; exact for quadratic fields') &
+      ]
+
+contains
+
+  !> Make the Laplacian scheme of that name.
+  subroutine make_laplacian_scheme(name, scheme, error)
+    !> One of the names in `laplacian_choices`
+    character(len=*), intent(in) :: name
+    !> The scheme
+    class(laplacian_scheme_t), allocatable, intent(out) :: scheme
+    !> No scheme has that name
+    type(error_t), allocatable, intent(out) :: error
+
+    select case (name)
+    case ('kernel_second_derivative')
+      allocate (kernel_second_derivative_t :: scheme)
+    case ('double_gradient')
+      allocate (double_gradient_t :: scheme)
+    case ('brookshaw')
+      allocate (brookshaw_t :: scheme)
+    case ('brookshaw_renormalized')
+      allocate (brookshaw_renormalized_t :: scheme)
+    case ('fatehi_manzari')
+      allocate (fatehi_manzari_t :: scheme)
+    case default
+      call raise(error, status_bad_input, 'No Laplacian scheme is called '''//name//'''.'// &
+                 suggestion(name, choice_names(laplacian_choices)))
+    end select
+  end subroutine make_laplacian_scheme
+
+end module calor_laplacian_schemes

@@ -1,0 +1,113 @@
+!> The sparse operator that every derivative scheme becomes.
+module calor_sparse_operator
+  use calor_kinds, only: wp, ip, i8
+  use calor_neighbour_list, only: neighbour_list_t
+  implicit none (type, external)
+  private
+
+  public :: sparse_operator_t
+
+  !> Rows of weights: (A u)_row = diagonal(row) u_i + Σ_k weight(k) u_index(k), with i = target(row)
+  !> and k from first(row) to first(row + 1) - 1.
+  type :: sparse_operator_t
+    !> The particle whose derivative a row gives
+    integer(ip), allocatable :: target(:)
+    !> Where each row begins in `index` and `weight`; one element more than rows
+    integer(i8), allocatable :: first(:)
+    !> Neighbouring particles, row after row
+    integer(ip), allocatable :: index(:)
+    !> Their weights, in 1/m for a first and 1/m² for a second derivative
+    real(wp), allocatable :: weight(:)
+    !> The weight of the row's own particle
+    real(wp), allocatable :: diagonal(:)
+  contains
+    !> Number of rows
+    procedure :: rows
+    !> Take the rows and neighbours of a neighbour list, all weights still undefined
+    procedure :: shape_as
+    !> The derivative of a field at the targets
+    procedure :: apply
+    !> The same times a factor, laid down at the places of the target particles
+    procedure :: apply_at_targets
+    !> An upper bound of |λ| over the spectrum
+    procedure :: gershgorin_bound
+  end type sparse_operator_t
+
+contains
+
+  pure function rows(this) result(number)
+    class(sparse_operator_t), intent(in) :: this
+    integer :: number
+
+    number = size(this%target)
+  end function rows
+
+  subroutine shape_as(this, list)
+    class(sparse_operator_t), intent(out) :: this
+    !> Whose rows and neighbours to take
+    type(neighbour_list_t), intent(in) :: list
+
+    this%target = list%target
+    this%first = list%first
+    this%index = list%index
+    allocate (this%weight(size(list%index)))
+    allocate (this%diagonal(list%rows()))
+  end subroutine shape_as
+
+  subroutine apply(this, u, derivative)
+    class(sparse_operator_t), intent(in) :: this
+    !> The field at all particles
+    real(wp), intent(in) :: u(:)
+    !> Its derivative at the target of each row
+    real(wp), intent(out) :: derivative(:)
+    real(wp) :: total
+    integer(i8) :: k
+    integer :: row
+
+    !$omp parallel do schedule(static) default(shared) private(row, k, total)
+    do row = 1, size(this%target)
+      total = this%diagonal(row)*u(this%target(row))
+      do k = this%first(row), this%first(row + 1) - 1
+        total = total + this%weight(k)*u(this%index(k))
+      end do
+      derivative(row) = total
+    end do
+    !$omp end parallel do
+  end subroutine apply
+
+  subroutine apply_at_targets(this, factor, u, derivative)
+    class(sparse_operator_t), intent(in) :: this
+    !> What every derivative is multiplied by
+    real(wp), intent(in) :: factor
+    !> The field at all particles
+    real(wp), intent(in) :: u(:)
+    !> Field over all particles, changed at the targets only
+    real(wp), intent(inout) :: derivative(:)
+    real(wp) :: total
+    integer(i8) :: k
+    integer :: row
+
+    !$omp parallel do schedule(static) default(shared) private(row, k, total)
+    do row = 1, size(this%target)
+      total = this%diagonal(row)*u(this%target(row))
+      do k = this%first(row), this%first(row + 1) - 1
+        total = total + this%weight(k)*u(this%index(k))
+      end do
+      derivative(this%target(row)) = factor*total
+    end do
+    !$omp end parallel do
+  end subroutine apply_at_targets
+
+  pure function gershgorin_bound(this) result(bound)
+    class(sparse_operator_t), intent(in) :: this
+    real(wp) :: bound
+    integer :: row
+
+    bound = 0
+    do row = 1, this%rows()
+      bound = max(bound, abs(this%diagonal(row)) + &
+                  sum(abs(this%weight(this%first(row):this%first(row + 1) - 1))))
+    end do
+  end function gershgorin_bound
+
+end module calor_sparse_operator

@@ -1,0 +1,230 @@
+!> What will be simulated, and what has been, in plain words.
+module calor_description
+  use calor_choice, only: choice_t
+  use calor_integrators, only: integrator_choices
+  use calor_kinds, only: wp, i8
+  use calor_laplacian_schemes, only: laplacian_choices
+  use calor_simulation, only: simulation_t
+  use calor_text, only: text_t, to_text, join
+  implicit none (type, external)
+  private
+
+  public :: describe_plan, describe_result
+
+  !> Width of the column of headings
+  integer, parameter :: heading_width = 13
+
+contains
+
+  !> What a prepared simulation will do: particles, neighbours, schemes, effects, steps, memory, file.
+  function describe_plan(simulation) result(lines)
+    !> A simulation after `prepare`
+    type(simulation_t), intent(in) :: simulation
+    type(text_t), allocatable :: lines(:)
+
+    allocate (lines(0))
+    call add(lines, '', headline(simulation))
+    call add(lines, 'Particles', particles(simulation))
+    call add(lines, 'Neighbours', neighbours(simulation))
+    call add(lines, 'Laplacian', simulation%scene%laplacian//': '// &
+             summary(laplacian_choices, simulation%scene%laplacian))
+    if (any(simulation%report%condition_gradient > 0)) call add(lines, 'Tensors', tensors(simulation))
+    call add(lines, 'Diffusivity', to_text(simulation%conduction%diffusivity, digits=6)//' m2/s')
+    call add(lines, 'Effects', effects(simulation))
+    call add(lines, 'Time', '0 to '//to_text(simulation%scene%time%end)//' s by '// &
+             simulation%scene%time%method//': '// &
+             summary(integrator_choices, simulation%scene%time%method))
+    call add(lines, 'Steps', steps(simulation))
+    call add(lines, 'Memory', 'about '//size_text(memory(simulation)))
+    call add(lines, 'Output', output(simulation))
+  end function describe_plan
+
+  !> What a run did: steps, wall time by phase, the error if it is known, the file.
+  function describe_result(simulation) result(lines)
+    !> A simulation after `run`
+    type(simulation_t), intent(in) :: simulation
+    type(text_t), allocatable :: lines(:)
+    integer :: k
+    character(len=:), allocatable :: phases
+
+    allocate (lines(0))
+    associate (stepper => simulation%stepper)
+      call add(lines, 'Steps', to_text(stepper%steps)//' steps to t = '// &
+               to_text(simulation%time, digits=6)//' s, '// &
+               to_text(stepper%integrator%evaluations)//' evaluations of the Laplacian')
+    end associate
+    call add(lines, 'Temperature', to_text(minval(simulation%temperature), digits=6)//' to '// &
+             to_text(maxval(simulation%temperature), digits=6))
+    phases = ''
+    do k = 1, size(simulation%stopwatch%phases)
+      associate (phase => simulation%stopwatch%phases(k))
+        if (k > 1) phases = phases//', '
+        phases = phases//trim(phase%name)//' '//to_text(phase%seconds, digits=2)
+      end associate
+    end do
+    call add(lines, 'Wall time', to_text(simulation%stopwatch%total(), digits=3)//' s ('//phases//')')
+    if (simulation%scene%output%file /= '') call add(lines, 'Written', simulation%scene%output%file)
+    if (simulation%knows_exact()) then
+      call add(lines, 'Error', 'relative L2 error '// &
+               to_text(simulation%relative_l2_error(), digits=3)//' at t = '// &
+               to_text(simulation%time, digits=6)//' s')
+    end if
+  end function describe_result
+
+  subroutine add(lines, heading, content)
+    type(text_t), allocatable, intent(inout) :: lines(:)
+    character(len=*), intent(in) :: heading, content
+    type(text_t), allocatable :: longer(:)
+    integer :: k
+
+    allocate (longer(size(lines) + 1))
+    do k = 1, size(lines)
+      call move_alloc(lines(k)%value, longer(k)%value)
+    end do
+    longer(size(longer))%value = content
+    if (heading /= '') then
+      longer(size(longer))%value = heading//repeat(' ', heading_width - len(heading))//content
+    end if
+    call move_alloc(longer, lines)
+  end subroutine add
+
+  pure function summary(choices, name) result(text)
+    type(choice_t), intent(in) :: choices(:)
+    character(len=*), intent(in) :: name
+    character(len=:), allocatable :: text
+    integer :: k
+
+    text = ''
+    do k = 1, size(choices)
+      if (choices(k)%name == name) text = trim(choices(k)%summary)
+    end do
+  end function summary
+
+  function headline(simulation) result(text)
+    type(simulation_t), intent(in) :: simulation
+    character(len=:), allocatable :: text
+
+    text = simulation%scene%path
+    if (simulation%scene%title /= '') text = simulation%scene%title//' ('//text//')'
+  end function headline
+
+  function particles(simulation) result(text)
+    type(simulation_t), intent(in) :: simulation
+    character(len=:), allocatable :: text
+
+    associate (domain => simulation%scene%domain, cloud => simulation%cloud)
+      text = to_text(cloud%particles())//', '//to_text(count(cloud%side /= 0))// &
+             ' of them on walls, '//to_text(cloud%spacing, digits=6)//' m apart'
+      if (domain%shape == 'cloud') then
+        text = text//', from '//domain%file
+      else
+        text = text//', '//domain%arrangement
+        if (domain%arrangement == 'jittered') then
+          text = text//' by '//to_text(domain%jitter)//' (seed '//to_text(domain%seed)//')'
+        end if
+      end if
+    end associate
+  end function particles
+
+  function neighbours(simulation) result(text)
+    type(simulation_t), intent(in) :: simulation
+    character(len=:), allocatable :: text
+
+    text = to_text(simulation%fewest_neighbours)//' to '//to_text(simulation%most_neighbours)// &
+           ', '//to_text(simulation%mean_neighbours, digits=3)//' on average ('// &
+           simulation%scene%kernel//', support radius '// &
+           to_text(simulation%support_radius, digits=6)//' m)'
+  end function neighbours
+
+  function tensors(simulation) result(text)
+    type(simulation_t), intent(in) :: simulation
+    character(len=:), allocatable :: text
+
+    associate (report => simulation%report)
+      text = 'condition number at most '//to_text(maxval(report%condition_gradient), digits=2)
+      if (any(report%condition_laplacian > 0)) then
+        text = text//' (first derivative) and '// &
+               to_text(maxval(report%condition_laplacian), digits=2)//' (second)'
+      end if
+      text = text//'; singular at '//to_text(report%singular_rows())//' particles'
+    end associate
+  end function tensors
+
+  function effects(simulation) result(text)
+    type(simulation_t), intent(in) :: simulation
+    character(len=:), allocatable :: text
+    integer :: k
+
+    text = 'conduction; temperature held on'
+    do k = 1, size(simulation%scene%boundaries)
+      if (k > 1) text = text//','
+      text = text//' '''//simulation%scene%boundaries(k)%on//''''
+    end do
+    text = text//'. Nothing else.'
+  end function effects
+
+  function steps(simulation) result(text)
+    type(simulation_t), intent(in) :: simulation
+    character(len=:), allocatable :: text
+    real(wp) :: step, radius
+
+    associate (stepper => simulation%stepper)
+      radius = stepper%spectral_radius
+      if (stepper%tolerance > 0) then
+        step = stepper%first_proposal()
+        text = 'first step '//to_text(step, digits=2)//' s, then as long as the error of a step '// &
+               'stays below '//to_text(stepper%tolerance, digits=2)//': at most about '// &
+               to_text(ceiling(simulation%scene%time%end/step, i8))//' steps'
+      else
+        text = to_text(ceiling(simulation%scene%time%end/stepper%longest_step, i8))// &
+               ' steps of at most '//to_text(stepper%longest_step, digits=3)//' s'
+      end if
+      text = text//'; stable up to '//to_text(simulation%stability_limit, digits=3)// &
+             ' s (forward Euler: '//to_text(2/radius, digits=3)//' s)'
+    end associate
+  end function steps
+
+  !> Bytes of all large arrays while stepping
+  pure function memory(simulation) result(bytes)
+    type(simulation_t), intent(in) :: simulation
+    integer(i8) :: bytes
+    integer(i8) :: n
+
+    n = simulation%cloud%particles()
+    ! Neighbour: 4 bytes of index, 8 of weight. Particle: cloud 32, operator 20, state and stages 64.
+    bytes = 12_i8*size(simulation%conduction%laplacian%index, kind=i8) + 116*n
+  end function memory
+
+  function output(simulation) result(text)
+    type(simulation_t), intent(in) :: simulation
+    character(len=:), allocatable :: text
+    integer(i8) :: states, n
+
+    associate (out => simulation%scene%output)
+      if (out%file == '') then
+        text = 'none: the scene has no &output'
+        return
+      end if
+      n = simulation%cloud%particles()
+      states = 2
+      if (out%every > 0) states = 1 + max(1_i8, ceiling(simulation%scene%time%end/out%every, i8))
+      ! A particle's place, cell and static fields take 57 bytes, a field of a state 8.
+      text = out%file//': '//join(out%fields, ', ')//' at '//to_text(states)//' times, about '// &
+             size_text(57*n + 8*n*states*size(out%fields))
+    end associate
+  end function output
+
+  pure function size_text(bytes) result(text)
+    integer(i8), intent(in) :: bytes
+    character(len=:), allocatable :: text
+
+    if (bytes < 10_i8**6) then
+      text = to_text(max(1.0_wp, bytes/1.0e3_wp), digits=2)//' kB'
+    else if (bytes < 10_i8**9) then
+      text = to_text(bytes/1.0e6_wp, digits=3)//' MB'
+    else
+      text = to_text(bytes/1.0e9_wp, digits=3)//' GB'
+    end if
+  end function size_text
+
+end module calor_description

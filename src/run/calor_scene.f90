@@ -1,0 +1,103 @@
+!> A scene: everything that a scene file says, as values of the right types.
+module calor_scene
+  use calor_kinds, only: wp
+  use calor_text, only: text_t
+  implicit none (type, external)
+  private
+
+  public :: scene_t, domain_t, material_t, boundary_t, time_t, output_t, operators_t
+
+  !> Where the body is and how particles fill it
+  type :: domain_t
+    !> 'rectangle' or 'cloud'
+    character(len=:), allocatable :: shape
+    !> Edges of a rectangle, m
+    real(wp) :: x_range(2) = [0.0_wp, 1.0_wp], y_range(2) = [0.0_wp, 1.0_wp]
+    !> File of a user's cloud
+    character(len=:), allocatable :: file
+    !> Distance between neighbouring particles, m; 0 if it was not given
+    real(wp) :: spacing = 0.0_wp
+    !> One of the names in `arrangement_choices`
+    character(len=:), allocatable :: arrangement
+    !> Displacement of particles in units of the spacing, and the seed of its random numbers
+    real(wp) :: jitter = 0.0_wp
+    integer :: seed = 1
+  end type domain_t
+
+  !> What the body consists of
+  type :: material_t
+    !> W/(m K), kg/m³, J/(kg K)
+    real(wp) :: conductivity = 1.0_wp, density = 1.0_wp, heat_capacity = 1.0_wp
+  end type material_t
+
+  !> What holds on a part of the boundary
+  type :: boundary_t
+    !> Name of the boundary, or 'all'
+    character(len=:), allocatable :: on
+    !> 'temperature'
+    character(len=:), allocatable :: kind
+    !> The temperature as a number, or as an expression of x, y and t where that is not empty
+    real(wp) :: value = 0.0_wp
+    character(len=:), allocatable :: value_expression
+    !> Where the scene file says so
+    character(len=:), allocatable :: place
+  end type boundary_t
+
+  !> The time span and the method
+  type :: time_t
+    !> s
+    real(wp) :: end = 0.0_wp
+    !> Fixed step, s; 0: chosen by the program
+    real(wp) :: step = 0.0_wp
+    !> One of the names in `integrator_choices`
+    character(len=:), allocatable :: method
+    !> Error that one step may make, as a fraction of the range of given temperatures; 0: not given
+    real(wp) :: tolerance = 0.0_wp
+  end type time_t
+
+  !> What is written
+  type :: output_t
+    !> Path of the file; '': nothing is written
+    character(len=:), allocatable :: file
+    !> Time between written states, s; 0: only the first and the last
+    real(wp) :: every = 0.0_wp
+    !> Names of the fields
+    type(text_t), allocatable :: fields(:)
+  end type output_t
+
+  !> What `calor operators` evaluates
+  type :: operators_t
+    !> The field as an expression of x and y; '': the scene has no &operators
+    character(len=:), allocatable :: field_expression
+    !> Names of the schemes
+    type(text_t), allocatable :: gradients(:), laplacians(:)
+    !> The true derivatives, or ''
+    character(len=:), allocatable :: exact_gradient_x, exact_gradient_y, exact_laplacian
+    !> Path of the file; '': nothing is written
+    character(len=:), allocatable :: file
+  end type operators_t
+
+  !> A scene
+  type :: scene_t
+    !> Path and whole text of the scene file
+    character(len=:), allocatable :: path, text
+    character(len=:), allocatable :: title
+    !> The true temperature as an expression of x, y and t, or ''
+    character(len=:), allocatable :: exact_expression
+    type(domain_t) :: domain
+    !> Name of the smoothing kernel, and its support radius in units of the spacing
+    character(len=:), allocatable :: kernel
+    real(wp) :: support = 2.1_wp
+    !> Names of the derivative schemes
+    character(len=:), allocatable :: laplacian, gradient
+    type(material_t) :: material
+    !> The temperature at the start as a number, or as an expression where that is not empty
+    real(wp) :: initial_temperature = 0.0_wp
+    character(len=:), allocatable :: initial_expression
+    type(boundary_t), allocatable :: boundaries(:)
+    type(time_t) :: time
+    type(output_t) :: output
+    type(operators_t) :: operators
+  end type scene_t
+
+end module calor_scene

@@ -1,0 +1,345 @@
+!> From a scene file to a scene.
+module calor_scene_reader
+  use calor_arrangements, only: arrangement_choices
+  use calor_choice, only: choice_t
+  use calor_error, only: error_t
+  use calor_expression, only: expression_t
+  use calor_gradient_schemes, only: gradient_choices
+  use calor_integrators, only: integrator_choices
+  use calor_kernels, only: kernel_choices
+  use calor_kinds, only: wp
+  use calor_laplacian_schemes, only: laplacian_choices
+  use calor_scene, only: scene_t, boundary_t
+  use calor_scene_contract, only: check_against_contract
+  use calor_scene_file, only: scene_file_t, group_t, read_scene_file, parse_scene_text
+  use calor_scene_getters, only: get, get_choice, get_choices, get_expression, place_of, raise_at
+  use calor_text, only: text_t, text_list
+  implicit none (type, external)
+  private
+
+  public :: read_scene, interpret_scene
+
+  !> Shapes of the domain
+  type(choice_t), parameter :: shape_choices(*) = [ &
+      choice_t('rectangle', 'a rectangle with sides along the axes'), &
+      choice_t('cloud', 'particles from a file') &
+      ]
+
+  !> Kinds of boundary condition
+  type(choice_t), parameter :: boundary_choices(*) = [ &
+      choice_t('temperature', 'held at a temperature') &
+      ]
+
+  !> Fields that a run can write
+  type(choice_t), parameter :: field_choices(*) = [ &
+      choice_t('temperature', 'the temperature'), &
+      choice_t('exact', 'the true temperature, where the scene gives it'), &
+      choice_t('error', 'temperature less true temperature') &
+      ]
+
+contains
+
+  !> Read a scene file.
+  subroutine read_scene(path, scene, error)
+    !> The file
+    character(len=*), intent(in) :: path
+    !> What it says
+    type(scene_t), intent(out) :: scene
+    !> The file is missing, or something in it is wrong
+    type(error_t), allocatable, intent(out) :: error
+    type(scene_file_t) :: file
+
+    call read_scene_file(path, file, error)
+    if (allocated(error)) return
+    call interpret_file(file, scene, error)
+  end subroutine read_scene
+
+  !> Read a scene from a text, as a program does that makes scenes of its own.
+  subroutine interpret_scene(text, scene, error)
+    !> What would stand in a scene file
+    character(len=*), intent(in) :: text
+    !> What it says
+    type(scene_t), intent(out) :: scene
+    !> Something in it is wrong
+    type(error_t), allocatable, intent(out) :: error
+    type(scene_file_t) :: file
+
+    call parse_scene_text(text, 'scene', file, error)
+    if (allocated(error)) return
+    call interpret_file(file, scene, error)
+  end subroutine interpret_scene
+
+  subroutine interpret_file(file, scene, error)
+    type(scene_file_t), intent(in) :: file
+    type(scene_t), intent(out) :: scene
+    type(error_t), allocatable, intent(out) :: error
+
+    call check_against_contract(file, error)
+    if (allocated(error)) return
+    scene%path = file%path
+    scene%text = file%text
+    call read_header(file, scene, error)
+    if (allocated(error)) return
+    call read_domain(file, scene, error)
+    if (allocated(error)) return
+    call read_method(file, scene, error)
+    if (allocated(error)) return
+    call read_body(file, scene, error)
+    if (allocated(error)) return
+    call read_boundaries(file, scene, error)
+    if (allocated(error)) return
+    call read_time(file, scene, error)
+    if (allocated(error)) return
+    call read_output(file, scene, error)
+    if (allocated(error)) return
+    call read_operators(file, scene, error)
+  end subroutine interpret_file
+
+  subroutine read_header(file, scene, error)
+    type(scene_file_t), intent(in) :: file
+    type(scene_t), intent(inout) :: scene
+    type(error_t), allocatable, intent(out) :: error
+    type(group_t) :: group
+
+    call file%group('scene', group)
+    call get(group, 'title', scene%title, error, default='')
+    if (allocated(error)) return
+    call optional_expression(group, 'exact_expression', scene%exact_expression, error)
+  end subroutine read_header
+
+  subroutine read_domain(file, scene, error)
+    type(scene_file_t), intent(in) :: file
+    type(scene_t), intent(inout) :: scene
+    type(error_t), allocatable, intent(out) :: error
+    type(group_t) :: group
+    real(wp), allocatable :: range(:)
+
+    call file%group('domain', group)
+    associate (domain => scene%domain)
+      call get_choice(group, 'shape', shape_choices, domain%shape, error)
+      if (allocated(error)) return
+      domain%arrangement = 'lattice'
+      domain%file = ''
+      if (domain%shape == 'cloud') then
+        call refuse_keys(group, [character(len=11) :: 'x_range', 'y_range', 'arrangement', 'jitter', &
+                                 'seed'], 'shape = ''cloud''', error)
+        if (allocated(error)) return
+        call get(group, 'file', domain%file, error, not_blank=.true.)
+        if (allocated(error)) return
+        call get(group, 'spacing', domain%spacing, error, default=0.0_wp)
+        if (allocated(error)) return
+        if (group%has('spacing')) call get(group, 'spacing', domain%spacing, error, positive=.true.)
+        return
+      end if
+      call refuse_keys(group, ['file'], 'shape = '''//domain%shape//'''', error)
+      if (allocated(error)) return
+      call get(group, 'x_range', range, error, count=2, increasing=.true.)
+      if (allocated(error)) return
+      domain%x_range = range
+      call get(group, 'y_range', range, error, count=2, increasing=.true.)
+      if (allocated(error)) return
+      domain%y_range = range
+      call get(group, 'spacing', domain%spacing, error, positive=.true.)
+      if (allocated(error)) return
+      call get_choice(group, 'arrangement', arrangement_choices, domain%arrangement, error, &
+                      default='lattice')
+      if (allocated(error)) return
+      if (domain%arrangement /= 'jittered') then
+        call refuse_keys(group, [character(len=6) :: 'jitter', 'seed'], &
+                         'arrangement = '''//domain%arrangement//'''', error)
+        if (allocated(error)) return
+      else
+        call get(group, 'jitter', domain%jitter, error, non_negative=.true.)
+        if (allocated(error)) return
+      end if
+      call get(group, 'seed', domain%seed, error, default=1)
+    end associate
+  end subroutine read_domain
+
+  !> Keys that would change nothing are refused, so that nobody believes they did.
+  subroutine refuse_keys(group, keys, setting, error)
+    type(group_t), intent(in) :: group
+    character(len=*), intent(in) :: keys(:)
+    !> What makes them useless
+    character(len=*), intent(in) :: setting
+    type(error_t), allocatable, intent(out) :: error
+    integer :: k
+
+    do k = 1, size(keys)
+      if (.not. group%has(trim(keys(k)))) cycle
+      call raise_at(error, group, trim(keys(k)), 'it means nothing with '//setting// &
+                    '; remove one of the two.')
+      return
+    end do
+  end subroutine refuse_keys
+
+  subroutine read_method(file, scene, error)
+    type(scene_file_t), intent(in) :: file
+    type(scene_t), intent(inout) :: scene
+    type(error_t), allocatable, intent(out) :: error
+    type(group_t) :: group
+
+    call file%group('kernel', group)
+    call get_choice(group, 'name', kernel_choices, scene%kernel, error, default='wendland_c2')
+    if (allocated(error)) return
+    call get(group, 'support', scene%support, error, default=2.1_wp, positive=.true.)
+    if (allocated(error)) return
+    call file%group('scheme', group)
+    call get_choice(group, 'laplacian', laplacian_choices, scene%laplacian, error, &
+                    default='fatehi_manzari')
+    if (allocated(error)) return
+    call get_choice(group, 'gradient', gradient_choices, scene%gradient, error, default='renormalized')
+  end subroutine read_method
+
+  !> What the body consists of and how warm it is at the start
+  subroutine read_body(file, scene, error)
+    type(scene_file_t), intent(in) :: file
+    type(scene_t), intent(inout) :: scene
+    type(error_t), allocatable, intent(out) :: error
+    type(group_t) :: group
+
+    call file%group('material', group)
+    associate (material => scene%material)
+      call get(group, 'conductivity', material%conductivity, error, default=1.0_wp, positive=.true.)
+      if (allocated(error)) return
+      call get(group, 'density', material%density, error, default=1.0_wp, positive=.true.)
+      if (allocated(error)) return
+      call get(group, 'heat_capacity', material%heat_capacity, error, default=1.0_wp, positive=.true.)
+      if (allocated(error)) return
+    end associate
+    call file%group('initial', group)
+    call get(group, 'temperature', scene%initial_temperature, error, default=0.0_wp)
+    if (allocated(error)) return
+    call optional_expression(group, 'temperature_expression', scene%initial_expression, error)
+  end subroutine read_body
+
+  subroutine read_boundaries(file, scene, error)
+    type(scene_file_t), intent(in) :: file
+    type(scene_t), intent(inout) :: scene
+    type(error_t), allocatable, intent(out) :: error
+    type(group_t) :: group
+    integer :: k
+
+    allocate (scene%boundaries(file%count('boundary')))
+    do k = 1, size(scene%boundaries)
+      call file%group('boundary', group, k)
+      associate (boundary => scene%boundaries(k))
+        call get(group, 'on', boundary%on, error, not_blank=.true.)
+        if (allocated(error)) return
+        boundary%place = place_of(group, 'on')
+        call get_choice(group, 'kind', boundary_choices, boundary%kind, error)
+        if (allocated(error)) return
+        call optional_expression(group, 'value_expression', boundary%value_expression, error)
+        if (allocated(error)) return
+        if (boundary%value_expression == '') call get(group, 'value', boundary%value, error)
+        if (allocated(error)) return
+      end associate
+    end do
+  end subroutine read_boundaries
+
+  subroutine read_time(file, scene, error)
+    type(scene_file_t), intent(in) :: file
+    type(scene_t), intent(inout) :: scene
+    type(error_t), allocatable, intent(out) :: error
+    type(group_t) :: group
+
+    call file%group('time', group)
+    associate (time => scene%time)
+      time%method = 'auto'
+      ! A scene for `calor operators` needs no time; a run without it is refused later.
+      if (file%count('time') == 0) return
+      call get(group, 'end', time%end, error, positive=.true.)
+      if (allocated(error)) return
+      call get_choice(group, 'method', integrator_choices, time%method, error, default='auto')
+      if (allocated(error)) return
+      if (group%has('step')) call get(group, 'step', time%step, error, positive=.true.)
+      if (allocated(error)) return
+      if (group%has('tolerance')) call get(group, 'tolerance', time%tolerance, error, positive=.true.)
+      if (allocated(error)) return
+      if (group%has('step') .and. group%has('tolerance')) then
+        call raise_at(error, group, 'tolerance', 'with a fixed step there is no error control; '// &
+                      'remove step or tolerance.')
+      end if
+    end associate
+  end subroutine read_time
+
+  subroutine read_output(file, scene, error)
+    type(scene_file_t), intent(in) :: file
+    type(scene_t), intent(inout) :: scene
+    type(error_t), allocatable, intent(out) :: error
+    type(group_t) :: group
+    integer :: k
+
+    call file%group('output', group)
+    associate (output => scene%output)
+      output%file = ''
+      if (file%count('output') == 0) return
+      call get(group, 'file', output%file, error, not_blank=.true.)
+      if (allocated(error)) return
+      if (group%has('every')) call get(group, 'every', output%every, error, positive=.true.)
+      if (allocated(error)) return
+      call get_choices(group, 'fields', field_choices, output%fields, error, &
+                       default=text_list(['temperature']))
+      if (allocated(error)) return
+      if (scene%exact_expression /= '') return
+      do k = 1, size(output%fields)
+        if (output%fields(k)%value == 'temperature') cycle
+        call raise_at(error, group, 'fields', 'the field '''//output%fields(k)%value// &
+                      ''' needs the true temperature: give &scene exact_expression.')
+        return
+      end do
+    end associate
+  end subroutine read_output
+
+  subroutine read_operators(file, scene, error)
+    type(scene_file_t), intent(in) :: file
+    type(scene_t), intent(inout) :: scene
+    type(error_t), allocatable, intent(out) :: error
+    type(group_t) :: group
+
+    call file%group('operators', group)
+    associate (asked => scene%operators)
+      asked%field_expression = ''
+      if (file%count('operators') == 0) return
+      call required_expression(group, 'field_expression', asked%field_expression, error)
+      if (allocated(error)) return
+      call get_choices(group, 'gradients', gradient_choices, asked%gradients, error, &
+                       default=text_list(['all']))
+      if (allocated(error)) return
+      call get_choices(group, 'laplacians', laplacian_choices, asked%laplacians, error, &
+                       default=text_list(['all']))
+      if (allocated(error)) return
+      call optional_expression(group, 'exact_gradient_x_expression', asked%exact_gradient_x, error)
+      if (allocated(error)) return
+      call optional_expression(group, 'exact_gradient_y_expression', asked%exact_gradient_y, error)
+      if (allocated(error)) return
+      call optional_expression(group, 'exact_laplacian_expression', asked%exact_laplacian, error)
+      if (allocated(error)) return
+      call get(group, 'file', asked%file, error, default='')
+    end associate
+  end subroutine read_operators
+
+  !> An expression, checked; '' if the group lacks it.
+  subroutine optional_expression(group, key, text, error)
+    type(group_t), intent(in) :: group
+    character(len=*), intent(in) :: key
+    character(len=:), allocatable, intent(out) :: text
+    type(error_t), allocatable, intent(out) :: error
+
+    text = ''
+    if (group%has(key)) call required_expression(group, key, text, error)
+  end subroutine optional_expression
+
+  subroutine required_expression(group, key, text, error)
+    type(group_t), intent(in) :: group
+    character(len=*), intent(in) :: key
+    character(len=:), allocatable, intent(out) :: text
+    type(error_t), allocatable, intent(out) :: error
+    type(expression_t) :: expression
+
+    call get_expression(group, key, expression, error)
+    if (allocated(error)) return
+    call get(group, key, text, error)
+  end subroutine required_expression
+
+end module calor_scene_reader

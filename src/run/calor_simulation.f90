@@ -1,0 +1,429 @@
+!> The heat driver: a scene becomes a cloud, the cloud an operator, the operator is stepped in time.
+module calor_simulation
+  use calor_cloud, only: cloud_t
+  use calor_conduction, only: conduction_t
+  use calor_error, only: error_t, raise, status_bad_input
+  use calor_expression, only: expression_t, compile_expression
+  use calor_integrators, only: make_integrator
+  use calor_kernel, only: kernel_t
+  use calor_kernels, only: make_kernel
+  use calor_kinds, only: wp, ip
+  use calor_laplacian_scheme, only: laplacian_scheme_t
+  use calor_laplacian_schemes, only: make_laplacian_scheme
+  use calor_neighbour_list, only: neighbour_list_t, build_neighbour_list
+  use calor_prescribed, only: prescribed_t
+  use calor_row_report, only: row_report_t
+  use calor_scene, only: scene_t
+  use calor_scene_cloud, only: make_scene_cloud
+  use calor_simulation_file, only: simulation_file_t
+  use calor_spectral_radius, only: estimate_spectral_radius
+  use calor_stepper, only: stepper_t
+  use calor_stopwatch, only: stopwatch_t
+  use calor_text, only: to_text
+  implicit none (type, external)
+  private
+
+  public :: simulation_t, observer_t
+
+  !> Explicit methods without error control step at this part of their stability limit
+  real(wp), parameter :: safe_part = 0.9_wp
+  !> Error of one step, as a part of the range of given temperatures, where the scene gives none
+  real(wp), parameter :: default_tolerance = 1.0e-6_wp
+
+  !> A scene at work
+  type :: simulation_t
+    !> The scene
+    type(scene_t) :: scene
+    !> Its particles
+    type(cloud_t) :: cloud
+    !> Support radius, m
+    real(wp) :: support_radius = 0.0_wp
+    !> Fewest, mean and most neighbours of a particle that is not held
+    integer :: fewest_neighbours = 0, most_neighbours = 0
+    real(wp) :: mean_neighbours = 0.0_wp
+    !> Condition of the renormalization tensors
+    type(row_report_t) :: report
+    !> The heat equation on the cloud
+    type(conduction_t) :: conduction
+    !> The time integrator and its steps
+    type(stepper_t) :: stepper
+    !> The longest step for which the chosen method is stable, s
+    real(wp) :: stability_limit = 0.0_wp
+    !> Time, s, and temperatures, in the cloud's order
+    real(wp) :: time = 0.0_wp
+    real(wp), allocatable :: temperature(:)
+    !> Wall time by phase
+    type(stopwatch_t) :: stopwatch
+    !> The true temperature, where the scene gives it
+    type(expression_t) :: exact
+  contains
+    !> Make everything ready for the first step
+    procedure :: prepare
+    !> Step to the end and write what the scene asks for
+    procedure :: run
+    !> Step to a time
+    procedure :: advance_to
+    !> Whether the scene gives the true temperature
+    procedure :: knows_exact
+    !> ‖u - u_exact‖ / ‖u_exact‖ in the L2 norm over all particles, weighted by their volumes
+    procedure :: relative_l2_error
+    procedure, private :: assemble
+    procedure, private :: hold_walls
+    procedure, private :: start_temperature
+    procedure, private :: choose_steps
+  end type simulation_t
+
+  !> Is told what a run has reached; a program extends it to show progress
+  type, abstract :: observer_t
+  contains
+    !> A state has been reached, and written if the scene says so
+    procedure(reached_interface), deferred :: reached
+  end type observer_t
+
+  abstract interface
+    subroutine reached_interface(this, simulation)
+      import :: observer_t, simulation_t
+      implicit none (type, external)
+      class(observer_t), intent(inout) :: this
+      !> The simulation at its present time
+      type(simulation_t), intent(in) :: simulation
+    end subroutine reached_interface
+  end interface
+
+contains
+
+  subroutine prepare(this, scene, error)
+    class(simulation_t), intent(out) :: this
+    !> The scene
+    type(scene_t), intent(in) :: scene
+    !> The scene cannot be simulated
+    type(error_t), allocatable, intent(out) :: error
+    class(kernel_t), allocatable :: kernel
+
+    if (.not. scene%time%end > 0) then
+      call raise(error, status_bad_input, scene%path//' has no group &time: add &time end = ... /, '// &
+                 'in seconds.')
+      return
+    end if
+    this%scene = scene
+    call this%stopwatch%start('cloud')
+    call make_kernel(scene%kernel, kernel, error)
+    if (allocated(error)) return
+    call make_scene_cloud(scene, kernel, this%cloud, error)
+    if (allocated(error)) return
+    this%support_radius = scene%support*this%cloud%spacing
+    call this%hold_walls(error)
+    if (allocated(error)) return
+    call this%start_temperature(error)
+    if (allocated(error)) return
+    call this%assemble(kernel, error)
+    if (allocated(error)) return
+    call this%stopwatch%start('step control')
+    call this%choose_steps(error)
+    call this%stopwatch%stop()
+  end subroutine prepare
+
+  subroutine run(this, error, observer)
+    class(simulation_t), intent(inout) :: this
+    !> The numbers went wrong, or a file could not be written
+    type(error_t), allocatable, intent(out) :: error
+    !> Who is told about the progress
+    class(observer_t), intent(inout), optional :: observer
+    type(simulation_file_t) :: file
+    type(error_t), allocatable :: file_error
+    integer :: written, states
+    real(wp) :: next
+
+    call file%open(this%scene, this%cloud, error)
+    if (allocated(error)) return
+    states = 1
+    if (this%scene%output%every > 0) then
+      states = max(1, ceiling(this%scene%time%end/this%scene%output%every*(1 - 1.0e-12_wp)))
+    end if
+    do written = 0, states
+      if (written > 0) then
+        next = this%scene%time%end
+        if (written < states) next = written*this%scene%output%every
+        call this%advance_to(next, error)
+      end if
+      ! After a failure the state is the last good one: it is written too.
+      call this%stopwatch%start('output')
+      call file%write_state(this%time, this%temperature, this%exact, file_error)
+      call this%stopwatch%stop()
+      if (allocated(error) .or. allocated(file_error)) exit
+      if (present(observer)) call observer%reached(this)
+    end do
+    if (.not. allocated(file_error)) then
+      if (this%knows_exact()) call file%note('relative_l2_error', this%relative_l2_error())
+      call file%close(this%stopwatch%phases, file_error)
+    else
+      call file%abandon()
+    end if
+    if (allocated(error)) then
+      if (file%in_use .and. .not. allocated(file_error)) then
+        error%message = error%message//new_line('a')//'The last good state, at t = '// &
+                        to_text(this%time, digits=6)//' s, is in '//this%scene%output%file//'.'
+      end if
+    else if (allocated(file_error)) then
+      call move_alloc(file_error, error)
+    end if
+  end subroutine run
+
+  subroutine advance_to(this, time, error)
+    class(simulation_t), intent(inout) :: this
+    !> Time to reach, s
+    real(wp), intent(in) :: time
+    !> The numbers went wrong; time and temperature are those of the last good state
+    type(error_t), allocatable, intent(out) :: error
+
+    call this%stopwatch%start('steps')
+    call this%stepper%advance_to(this%conduction, this%time, time, this%temperature, error)
+    call this%stopwatch%stop()
+  end subroutine advance_to
+
+  function knows_exact(this) result(answer)
+    class(simulation_t), intent(in) :: this
+    logical :: answer
+
+    answer = this%scene%exact_expression /= ''
+  end function knows_exact
+
+  function relative_l2_error(this) result(deviation)
+    class(simulation_t), intent(in) :: this
+    real(wp) :: deviation
+    real(wp), allocatable :: exact(:)
+    real(wp) :: norm
+
+    allocate (exact(this%cloud%particles()))
+    call this%exact%evaluate(this%cloud%x, this%cloud%y, this%time, values=exact)
+    norm = sqrt(sum(this%cloud%volume*exact**2))
+    deviation = sqrt(sum(this%cloud%volume*(this%temperature - exact)**2))
+    if (norm > 0) deviation = deviation/norm
+  end function relative_l2_error
+
+  !> Hold the wall particles at what the boundaries say; where two speak of one particle, as at a
+  !> corner, the later one in the scene counts.
+  subroutine hold_walls(this, error)
+    class(simulation_t), intent(inout) :: this
+    type(error_t), allocatable, intent(out) :: error
+    integer, allocatable :: holder(:)
+    integer :: k, particle
+
+    allocate (holder(this%cloud%particles()), source=0)
+    do k = 1, size(this%scene%boundaries)
+      call mark_boundary(this%cloud, this%scene%boundaries(k)%on, this%scene%boundaries(k)%place, k, &
+                         holder, error)
+      if (allocated(error)) return
+    end do
+    call check_walls(this%cloud, holder, error)
+    if (allocated(error)) return
+    allocate (this%conduction%prescribed(size(this%scene%boundaries)))
+    do k = 1, size(this%scene%boundaries)
+      associate (boundary => this%scene%boundaries(k), prescribed => this%conduction%prescribed(k))
+        prescribed%particle = pack([(int(particle, ip), particle=1, size(holder))], holder == k)
+        allocate (prescribed%temperature(size(prescribed%particle)), source=boundary%value)
+        if (boundary%value_expression == '') cycle
+        allocate (prescribed%expression)
+        call compile_expression(boundary%value_expression, prescribed%expression, error)
+        if (allocated(error)) return
+        prescribed%x = this%cloud%x(prescribed%particle)
+        prescribed%y = this%cloud%y(prescribed%particle)
+        call prescribed%expression%evaluate(prescribed%x, prescribed%y, 0.0_wp, &
+                                            values=prescribed%temperature)
+        call check_values(boundary%value_expression, boundary%place, prescribed%temperature, &
+                          prescribed%x, prescribed%y, error)
+        if (allocated(error)) return
+        if (prescribed%expression%uses('t')) cycle
+        deallocate (prescribed%expression)
+      end associate
+    end do
+  end subroutine hold_walls
+
+  !> Note which boundary condition holds which particle.
+  subroutine mark_boundary(cloud, name, place, number, holder, error)
+    type(cloud_t), intent(in) :: cloud
+    character(len=*), intent(in) :: name, place
+    integer, intent(in) :: number
+    integer, intent(inout) :: holder(:)
+    type(error_t), allocatable, intent(out) :: error
+    character(len=:), allocatable :: names
+    integer :: bit
+
+    if (name == 'all') then
+      where (cloud%side /= 0) holder = number
+      return
+    end if
+    names = '''all'''
+    do bit = 0, size(cloud%boundary) - 1
+      if (cloud%boundary(bit + 1)%value == name) then
+        where (btest(cloud%side, bit)) holder = number
+        return
+      end if
+      names = names//', '''//cloud%boundary(bit + 1)%value//''''
+    end do
+    call raise(error, status_bad_input, place//': the domain has no boundary called '''//name// &
+               '''. There are: '//names//'.')
+  end subroutine mark_boundary
+
+  !> Every wall particle must be held, and some particle must not be.
+  subroutine check_walls(cloud, holder, error)
+    type(cloud_t), intent(in) :: cloud
+    integer, intent(in) :: holder(:)
+    type(error_t), allocatable, intent(out) :: error
+    character(len=:), allocatable :: names
+    integer :: bit
+
+    if (all(cloud%side == 0)) then
+      call raise(error, status_bad_input, 'No particle of the cloud is marked as a wall, so no '// &
+                 'temperature can be held: give its file a column ''wall'' with 1 for the '// &
+                 'particles on the boundary.')
+      return
+    end if
+    if (all(cloud%side /= 0)) then
+      call raise(error, status_bad_input, 'All '//to_text(cloud%particles())// &
+                 ' particles lie on the boundary: lower &domain spacing.')
+      return
+    end if
+    names = ''
+    do bit = 0, size(cloud%boundary) - 1
+      if (any(btest(cloud%side, bit) .and. holder == 0)) then
+        names = names//' '''//cloud%boundary(bit + 1)%value//''''
+      end if
+    end do
+    if (names /= '') then
+      call raise(error, status_bad_input, 'Nothing is said about the boundary'//names// &
+                 ': add a group &boundary with on, kind = ''temperature'' and value.')
+    end if
+  end subroutine check_walls
+
+  !> An expression must give a number everywhere.
+  subroutine check_values(expression, place, values, x, y, error)
+    character(len=*), intent(in) :: expression, place
+    real(wp), intent(in) :: values(:), x(:), y(:)
+    type(error_t), allocatable, intent(out) :: error
+    integer :: k
+
+    do k = 1, size(values)
+      if (abs(values(k)) <= huge(1.0_wp)) cycle
+      call raise(error, status_bad_input, place//': the expression '''//expression// &
+                 ''' gives no number at ('//to_text(x(k), digits=6)//', '// &
+                 to_text(y(k), digits=6)//').')
+      return
+    end do
+  end subroutine check_values
+
+  !> The temperature at the start, walls included, and the true temperature if it is known.
+  subroutine start_temperature(this, error)
+    class(simulation_t), intent(inout) :: this
+    type(error_t), allocatable, intent(out) :: error
+    type(expression_t) :: initial
+    real(wp), allocatable :: exact(:)
+
+    associate (scene => this%scene, cloud => this%cloud)
+      allocate (this%temperature(cloud%particles()), source=scene%initial_temperature)
+      if (scene%initial_expression /= '') then
+        call compile_expression(scene%initial_expression, initial, error)
+        if (allocated(error)) return
+        call initial%evaluate(cloud%x, cloud%y, 0.0_wp, values=this%temperature)
+        call check_values(scene%initial_expression, '&initial temperature_expression', &
+                          this%temperature, cloud%x, cloud%y, error)
+        if (allocated(error)) return
+      end if
+      if (scene%exact_expression /= '') then
+        call compile_expression(scene%exact_expression, this%exact, error)
+        if (allocated(error)) return
+        allocate (exact(cloud%particles()))
+        call this%exact%evaluate(cloud%x, cloud%y, 0.0_wp, values=exact)
+        call check_values(scene%exact_expression, '&scene exact_expression', exact, cloud%x, cloud%y, &
+                          error)
+        if (allocated(error)) return
+      end if
+      call this%conduction%note_range(this%temperature)
+      this%conduction%x = cloud%x
+      this%conduction%y = cloud%y
+      this%conduction%user_index = cloud%user_index
+      call this%conduction%impose(0.0_wp, this%temperature)
+    end associate
+  end subroutine start_temperature
+
+  !> The Laplacian's rows at all particles that are not held.
+  subroutine assemble(this, kernel, error)
+    class(simulation_t), intent(inout) :: this
+    class(kernel_t), intent(in) :: kernel
+    type(error_t), allocatable, intent(out) :: error
+    class(laplacian_scheme_t), allocatable :: scheme
+    type(neighbour_list_t) :: list
+    integer(ip), allocatable :: free(:)
+    real(wp), allocatable :: radius(:)
+    integer :: k, row
+
+    call make_laplacian_scheme(this%scene%laplacian, scheme, error)
+    if (allocated(error)) return
+    call this%stopwatch%start('neighbours')
+    free = pack([(int(k, ip), k=1, this%cloud%particles())], this%cloud%side == 0)
+    allocate (radius(this%cloud%particles()), source=this%support_radius)
+    call build_neighbour_list(this%cloud%x, this%cloud%y, radius(free), list, free)
+    this%fewest_neighbours = int(minval(list%first(2:) - list%first(:list%rows())))
+    this%most_neighbours = list%longest_row()
+    this%mean_neighbours = real(size(list%index), wp)/list%rows()
+    if (this%fewest_neighbours == 0) then
+      row = int(minloc(list%first(2:) - list%first(:list%rows()), dim=1))
+      associate (particle => list%target(row))
+        call raise(error, status_bad_input, 'Particle '//to_text(this%cloud%user_index(particle))// &
+                   ' at ('//to_text(this%cloud%x(particle), digits=6)//', '// &
+                   to_text(this%cloud%y(particle), digits=6)//') has no neighbour within the '// &
+                   'support radius of '//to_text(this%support_radius, digits=4)//' m: raise '// &
+                   '&kernel support, which is '//to_text(this%scene%support)//'.')
+      end associate
+      return
+    end if
+    call this%stopwatch%start('assembly')
+    call scheme%assemble(kernel, this%cloud%x, this%cloud%y, this%cloud%volume, radius, list, &
+                         this%conduction%laplacian, this%report)
+    associate (material => this%scene%material)
+      this%conduction%diffusivity = material%conductivity/(material%density*material%heat_capacity)
+    end associate
+  end subroutine assemble
+
+  !> Choose the integrator's steps from the operator's own spectral radius.
+  subroutine choose_steps(this, error)
+    class(simulation_t), intent(inout) :: this
+    type(error_t), allocatable, intent(out) :: error
+    real(wp) :: scale
+
+    associate (time => this%scene%time, stepper => this%stepper)
+      call make_integrator(time%method, stepper%integrator, error)
+      if (allocated(error)) return
+      stepper%spectral_radius = estimate_spectral_radius(this%conduction, &
+                                                         this%conduction%spectral_bound())
+      stepper%spectral_radius = max(stepper%spectral_radius, 1.0e-6_wp/time%end)
+      this%stability_limit = stepper%integrator%longest_stable_step(stepper%spectral_radius)
+      if (time%step > 0) then
+        if (time%step > this%stability_limit) then
+          call raise(error, status_bad_input, '&time step = '//to_text(time%step)// &
+                     ' s is beyond the stability limit of '//trim(time%method)//' on this cloud, '// &
+                     to_text(this%stability_limit, digits=4)//' s: take a smaller step, or leave '// &
+                     'step out and let the program choose.')
+          return
+        end if
+        stepper%longest_step = time%step
+      else if (stepper%integrator%estimates_error()) then
+        stepper%longest_step = this%stability_limit
+        scale = this%conduction%highest - this%conduction%lowest
+        if (.not. scale > 0) scale = max(abs(this%conduction%highest), 1.0_wp)
+        stepper%tolerance = default_tolerance*scale
+        if (time%tolerance > 0) stepper%tolerance = time%tolerance*scale
+        call stepper%propose_first(this%conduction, 0.0_wp, this%temperature)
+      else
+        if (time%tolerance > 0) then
+          call raise(error, status_bad_input, '&time tolerance: '//trim(time%method)// &
+                     ' does not estimate its error. Leave tolerance out, or take method = '// &
+                     '''auto'' or ''rkl2''.')
+          return
+        end if
+        stepper%longest_step = safe_part*this%stability_limit
+      end if
+    end associate
+  end subroutine choose_steps
+
+end module calor_simulation

@@ -1,0 +1,189 @@
+!> The output file of a run: which fields and notes go into it, in the user's order of particles.
+module calor_simulation_file
+  use calor_cloud, only: cloud_t
+  use calor_error, only: error_t
+  use calor_expression, only: expression_t
+  use calor_field_file, only: field_file_t
+  use calor_kinds, only: wp
+  use calor_scene, only: scene_t
+  use calor_stopwatch, only: phase_t
+  use calor_text, only: text_t, text_list
+  use calor_version, only: version
+  implicit none (type, external)
+  private
+
+  public :: simulation_file_t, write_origin
+
+  !> The output of one run; where the scene names no file, every procedure does nothing
+  type :: simulation_file_t
+    !> Whether the scene names a file
+    logical :: in_use = .false.
+    type(field_file_t), private :: file
+    type(text_t), allocatable, private :: fields(:)
+    !> Coordinates in the user's order, and where each particle of that order is in the cloud's
+    real(wp), allocatable, private :: x(:), y(:)
+    integer, allocatable, private :: place(:)
+    integer, private :: states = 0
+    !> The first error of a note, reported on closing
+    type(error_t), allocatable, private :: pending
+  contains
+    !> Create the file with all that does not change
+    procedure :: open => open_file
+    !> Append a state
+    procedure :: write_state
+    !> Note a figure about the run
+    procedure :: note
+    !> Note the wall times and close
+    procedure :: close => close_file
+    !> Close after an error of the file itself
+    procedure :: abandon
+  end type simulation_file_t
+
+contains
+
+  subroutine open_file(this, scene, cloud, error)
+    class(simulation_file_t), intent(inout) :: this
+    !> The scene
+    type(scene_t), intent(in) :: scene
+    !> Its particles
+    type(cloud_t), intent(in) :: cloud
+    !> The file cannot be made
+    type(error_t), allocatable, intent(out) :: error
+    integer :: k
+
+    this%in_use = scene%output%file /= ''
+    if (.not. this%in_use) return
+    this%fields = scene%output%fields
+    allocate (this%place(cloud%particles()))
+    this%place(cloud%user_index) = [(k, k=1, cloud%particles())]
+    this%x = cloud%x(this%place)
+    this%y = cloud%y(this%place)
+    call this%file%create(scene%output%file, this%x, this%y, error)
+    if (allocated(error)) return
+    call write_origin(this%file, scene, cloud, error)
+    if (allocated(error)) then
+      call this%file%discard()
+      return
+    end if
+    call this%file%set_attribute('effects', text_list(['conduction']), error)
+    if (allocated(error)) call this%file%discard()
+  end subroutine open_file
+
+  !> What every file of calor's says about where it comes from, and what makes it usable as a cloud:
+  !> volumes and walls.
+  subroutine write_origin(file, scene, cloud, error)
+    !> A file just created, its particles in the user's order
+    type(field_file_t), intent(inout) :: file
+    !> The scene
+    type(scene_t), intent(in) :: scene
+    !> Its particles
+    type(cloud_t), intent(in) :: cloud
+    !> The file cannot be written
+    type(error_t), allocatable, intent(out) :: error
+    real(wp), allocatable :: volume(:)
+    integer, allocatable :: wall(:)
+
+    allocate (volume(cloud%particles()), wall(cloud%particles()))
+    volume(cloud%user_index) = cloud%volume
+    wall(cloud%user_index) = merge(1, 0, cloud%side /= 0)
+    call file%add_static('volume', volume, error)
+    if (allocated(error)) return
+    call file%add_static('wall', wall, error)
+    if (allocated(error)) return
+    call file%set_attribute('version', version, error)
+    if (allocated(error)) return
+    call file%set_attribute('scene', scene%text, error)
+    if (allocated(error)) return
+    call file%set_attribute('title', scene%title, error)
+    if (allocated(error)) return
+    call file%set_attribute('kernel', scene%kernel, error)
+    if (allocated(error)) return
+    call file%set_attribute('laplacian', scene%laplacian, error)
+    if (allocated(error)) return
+    call file%set_attribute('gradient', scene%gradient, error)
+    if (allocated(error)) return
+    call file%set_attribute('spacing', cloud%spacing, error)
+    if (allocated(error)) return
+    call file%set_attribute('support_radius', scene%support*cloud%spacing, error)
+  end subroutine write_origin
+
+  subroutine write_state(this, time, temperature, exact, error)
+    class(simulation_file_t), intent(inout) :: this
+    !> Time, s
+    real(wp), intent(in) :: time
+    !> Temperatures in the cloud's order
+    real(wp), intent(in) :: temperature(:)
+    !> The true temperature; used only for fields that need it
+    type(expression_t), intent(in) :: exact
+    !> The file cannot be written
+    type(error_t), allocatable, intent(out) :: error
+    real(wp), allocatable :: ordered(:), truth(:)
+    integer :: k
+
+    if (.not. this%in_use) return
+    ordered = temperature(this%place)
+    call this%file%begin_step(time, error)
+    if (allocated(error)) return
+    do k = 1, size(this%fields)
+      select case (this%fields(k)%value)
+      case ('temperature')
+        call this%file%write_field('temperature', ordered, error)
+      case ('exact', 'error')
+        if (.not. allocated(truth)) then
+          allocate (truth(size(ordered)))
+          call exact%evaluate(this%x, this%y, time, values=truth)
+        end if
+        if (this%fields(k)%value == 'exact') then
+          call this%file%write_field('exact', truth, error)
+        else
+          call this%file%write_field('error', ordered - truth, error)
+        end if
+      end select
+      if (allocated(error)) return
+    end do
+    call this%file%flush(error)
+    if (allocated(error)) return
+    this%states = this%states + 1
+    ! The state after the first: the run works, so the file takes its place and replaces an older one.
+    if (this%states == 2) call this%file%publish(error)
+  end subroutine write_state
+
+  subroutine note(this, name, value)
+    class(simulation_file_t), intent(inout) :: this
+    !> Name of the attribute
+    character(len=*), intent(in) :: name
+    !> Its value
+    real(wp), intent(in) :: value
+
+    if (.not. this%in_use .or. allocated(this%pending)) return
+    call this%file%set_attribute(name, value, this%pending)
+  end subroutine note
+
+  subroutine close_file(this, phases, error)
+    class(simulation_file_t), intent(inout) :: this
+    !> Wall time by phase
+    type(phase_t), intent(in) :: phases(:)
+    !> The file could not be written to its end
+    type(error_t), allocatable, intent(out) :: error
+    integer :: k
+
+    if (.not. this%in_use) return
+    do k = 1, size(phases)
+      if (allocated(this%pending)) exit
+      call this%file%set_wall_time(trim(phases(k)%name), phases(k)%seconds, this%pending)
+    end do
+    if (allocated(this%pending)) then
+      call move_alloc(this%pending, error)
+      call this%abandon()
+    else
+      call this%file%close(error)
+    end if
+  end subroutine close_file
+
+  subroutine abandon(this)
+    class(simulation_file_t), intent(inout) :: this
+
+    if (this%in_use) call this%file%discard()
+  end subroutine abandon
+
+end module calor_simulation_file

@@ -1,0 +1,56 @@
+!> The forward Euler method: first order, one evaluation a step, stable for |λ| Δt ≤ 2.
+module calor_forward_euler
+  use calor_evolution, only: evolution_t
+  use calor_integrator, only: integrator_t
+  use calor_kinds, only: wp
+  implicit none (type, external)
+  private
+
+  public :: forward_euler_t
+
+  type, extends(integrator_t) :: forward_euler_t
+  contains
+    procedure :: longest_stable_step
+    procedure :: estimates_error
+    procedure :: advance
+  end type forward_euler_t
+
+contains
+
+  pure function longest_stable_step(this, spectral_radius) result(step)
+    class(forward_euler_t), intent(in) :: this
+    real(wp), intent(in) :: spectral_radius
+    real(wp) :: step
+
+    step = 2/spectral_radius
+  end function longest_stable_step
+
+  pure function estimates_error(this) result(answer)
+    class(forward_euler_t), intent(in) :: this
+    logical :: answer
+
+    answer = .false.
+  end function estimates_error
+
+  subroutine advance(this, evolution, time, step, spectral_radius, u, u_next, local_error)
+    class(forward_euler_t), intent(inout) :: this
+    class(evolution_t), intent(inout) :: evolution
+    real(wp), intent(in) :: time, step
+    real(wp), intent(in) :: spectral_radius
+    real(wp), intent(in) :: u(:)
+    real(wp), intent(out) :: u_next(:)
+    real(wp), intent(out) :: local_error
+    integer :: k
+
+    call evolution%rate(time, u, u_next)
+    this%evaluations = this%evaluations + 1
+    !$omp parallel do schedule(static) default(shared) private(k)
+    do k = 1, size(u)
+      u_next(k) = u(k) + step*u_next(k)
+    end do
+    !$omp end parallel do
+    call evolution%impose(time + step, u_next)
+    local_error = 0
+  end subroutine advance
+
+end module calor_forward_euler

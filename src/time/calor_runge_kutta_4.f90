@@ -1,0 +1,74 @@
+!> The classical Runge–Kutta method: fourth order, four evaluations a step, stable for real
+!> λ Δt ≥ -2.785.
+module calor_runge_kutta_4
+  use calor_evolution, only: evolution_t
+  use calor_integrator, only: integrator_t
+  use calor_kinds, only: wp
+  implicit none (type, external)
+  private
+
+  public :: runge_kutta_4_t
+
+  type, extends(integrator_t) :: runge_kutta_4_t
+    private
+    real(wp), allocatable :: stage(:), slope(:)
+  contains
+    procedure :: longest_stable_step
+    procedure :: estimates_error
+    procedure :: advance
+  end type runge_kutta_4_t
+
+  !> Where |1 + z + z²/2 + z³/6 + z⁴/24| = 1 on the negative real axis
+  real(wp), parameter :: real_stability_limit = 2.785293563405282_wp
+
+contains
+
+  pure function longest_stable_step(this, spectral_radius) result(step)
+    class(runge_kutta_4_t), intent(in) :: this
+    real(wp), intent(in) :: spectral_radius
+    real(wp) :: step
+
+    step = real_stability_limit/spectral_radius
+  end function longest_stable_step
+
+  pure function estimates_error(this) result(answer)
+    class(runge_kutta_4_t), intent(in) :: this
+    logical :: answer
+
+    answer = .false.
+  end function estimates_error
+
+  subroutine advance(this, evolution, time, step, spectral_radius, u, u_next, local_error)
+    class(runge_kutta_4_t), intent(inout) :: this
+    class(evolution_t), intent(inout) :: evolution
+    real(wp), intent(in) :: time, step
+    real(wp), intent(in) :: spectral_radius
+    real(wp), intent(in) :: u(:)
+    real(wp), intent(out) :: u_next(:)
+    real(wp), intent(out) :: local_error
+    real(wp), parameter :: node(4) = [0.0_wp, 0.5_wp, 0.5_wp, 1.0_wp]
+    real(wp), parameter :: share(4) = [1.0_wp, 2.0_wp, 2.0_wp, 1.0_wp]/6.0_wp
+    real(wp) :: next
+    integer :: k, j
+
+    if (.not. allocated(this%stage)) allocate (this%stage(size(u)), this%slope(size(u)))
+    u_next = u
+    this%stage = u
+    do j = 1, 4
+      call evolution%rate(time + node(j)*step, this%stage, this%slope)
+      ! Where the next stage lies; there is none after the fourth, and what is made of it is not used
+      next = node(min(j + 1, 4))*step
+      !$omp parallel do schedule(static) default(shared) private(k)
+      do k = 1, size(u)
+        u_next(k) = u_next(k) + share(j)*step*this%slope(k)
+        this%stage(k) = u(k) + next*this%slope(k)
+      end do
+      !$omp end parallel do
+      call evolution%impose(time + next, this%stage)
+    end do
+    call evolution%impose(time + step, u_next)
+    this%evaluations = this%evaluations + 4
+    local_error = 0
+  end subroutine advance
+
+end module calor_runge_kutta_4

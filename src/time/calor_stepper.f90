@@ -1,0 +1,152 @@
+!> From one time to another: which steps are taken.
+module calor_stepper
+  use calor_error, only: error_t, raise, status_bad_numbers
+  use calor_evolution, only: evolution_t
+  use calor_integrator, only: integrator_t
+  use calor_kinds, only: wp
+  use calor_text, only: to_text
+  implicit none (type, external)
+  private
+
+  public :: stepper_t
+
+  !> An integrator and the length of its steps
+  type :: stepper_t
+    !> The method
+    class(integrator_t), allocatable :: integrator
+    !> Spectral radius of the Jacobian, 1/s
+    real(wp) :: spectral_radius = 0.0_wp
+    !> The longest step to take, s: the user's own, or a safe part of the stability limit
+    real(wp) :: longest_step = 0.0_wp
+    !> The error that a step may make, root mean square; 0: all steps are as long as `longest_step`
+    real(wp) :: tolerance = 0.0_wp
+    !> Steps taken, and steps taken back because their error was too large
+    integer :: steps = 0, rejected = 0
+    !> The sum of the estimated errors of all steps
+    real(wp) :: accumulated_error = 0.0_wp
+    !> The step that the error control would take next, s; 0 before the first
+    real(wp), private :: proposed = 0.0_wp, first = 0.0_wp
+    real(wp), allocatable, private :: u_next(:)
+  contains
+    !> Integrate from one time to another
+    procedure :: advance_to
+    !> Find the length of the first step under error control; `advance_to` does it where need be
+    procedure :: propose_first
+    !> That length, s; 0 before it was found
+    procedure :: first_proposal
+    procedure, private :: try_step
+  end type stepper_t
+
+contains
+
+  !> Integrate; the last step ends exactly at `end_time`.
+  subroutine advance_to(this, evolution, time, end_time, u, error)
+    class(stepper_t), intent(inout) :: this
+    !> What is integrated
+    class(evolution_t), intent(inout) :: evolution
+    !> Time, s: that of the state u before and after
+    real(wp), intent(inout) :: time
+    !> Time to reach, s, not before `time`
+    real(wp), intent(in) :: end_time
+    !> The state; where there is an error, the last good one
+    real(wp), intent(inout) :: u(:)
+    !> The numbers went wrong
+    type(error_t), allocatable, intent(out) :: error
+    real(wp) :: step, start
+    integer :: remaining, done
+
+    if (.not. this%tolerance > 0) then
+      if (.not. allocated(this%u_next)) allocate (this%u_next(size(u)))
+      start = time
+      remaining = max(1, ceiling((end_time - start)/this%longest_step*(1 - 1.0e-12_wp)))
+      do done = 1, remaining
+        ! Each time is computed from the start, so that rounding does not add up.
+        step = (start + (end_time - start)*done/remaining) - time
+        call this%try_step(evolution, time, step, u, error)
+        if (allocated(error)) return
+      end do
+      time = end_time
+      return
+    end if
+    if (.not. this%proposed > 0) call this%propose_first(evolution, time, u)
+    do while (time < end_time)
+      step = min(this%proposed, this%longest_step)
+      ! Steps of equal length to the end, rather than a tiny last one
+      step = (end_time - time)/max(1.0_wp, aint((end_time - time)/step + 0.9999_wp))
+      if (.not. time + step > time) then
+        call raise(error, status_bad_numbers, 'The time step fell to '//to_text(step, digits=3)// &
+                   ' s at t = '//to_text(time, digits=6)//' s without meeting the tolerance: '// &
+                   'raise &time tolerance.')
+        return
+      end if
+      call this%try_step(evolution, time, step, u, error)
+      if (allocated(error)) return
+      if (abs(end_time - time) <= 4*spacing(end_time)) time = end_time
+    end do
+  end subroutine advance_to
+
+  !> One step; with error control it may be taken back, so that nothing but the next step's length
+  !> has changed.
+  subroutine try_step(this, evolution, time, step, u, error)
+    class(stepper_t), intent(inout) :: this
+    class(evolution_t), intent(inout) :: evolution
+    real(wp), intent(inout) :: time
+    real(wp), intent(in) :: step
+    real(wp), intent(inout) :: u(:)
+    type(error_t), allocatable, intent(out) :: error
+    real(wp) :: local_error, factor
+    integer :: k
+
+    call this%integrator%advance(evolution, time, step, this%spectral_radius, u, this%u_next, &
+                                 local_error)
+    if (this%tolerance > 0) then
+      ! The local error of the second-order method goes with the third power of the step.
+      factor = 0.9_wp*(this%tolerance/max(local_error, tiny(1.0_wp)))**(1.0_wp/3)
+      if (.not. local_error <= huge(local_error)) factor = 0.1_wp
+      this%proposed = step*min(3.0_wp, max(0.1_wp, factor))
+      if (.not. local_error <= this%tolerance) then
+        this%rejected = this%rejected + 1
+        return
+      end if
+    end if
+    call evolution%inspect(time + step, this%u_next, error)
+    if (allocated(error)) return
+    call this%integrator%accept()
+    !$omp parallel do schedule(static) default(shared) private(k)
+    do k = 1, size(u)
+      u(k) = this%u_next(k)
+    end do
+    !$omp end parallel do
+    time = time + step
+    this%steps = this%steps + 1
+    this%accumulated_error = this%accumulated_error + local_error
+  end subroutine try_step
+
+  !> A small trial step shows the error of a step; half of what the tolerance allows by it comes first.
+  subroutine propose_first(this, evolution, time, u)
+    class(stepper_t), intent(inout) :: this
+    class(evolution_t), intent(inout) :: evolution
+    !> Time, s
+    real(wp), intent(in) :: time
+    !> State at that time
+    real(wp), intent(in) :: u(:)
+    real(wp) :: local_error
+
+    if (.not. allocated(this%u_next)) allocate (this%u_next(size(u)))
+    this%proposed = min(this%longest_step, 2/this%spectral_radius)
+    call this%integrator%advance(evolution, time, this%proposed, this%spectral_radius, u, &
+                                 this%u_next, local_error)
+    if (local_error > 0 .and. local_error <= huge(local_error)) then
+      this%proposed = this%proposed*min(100.0_wp, 0.5_wp*(this%tolerance/local_error)**(1.0_wp/3))
+    end if
+    this%first = this%proposed
+  end subroutine propose_first
+
+  pure function first_proposal(this) result(step)
+    class(stepper_t), intent(in) :: this
+    real(wp) :: step
+
+    step = this%first
+  end function first_proposal
+
+end module calor_stepper
