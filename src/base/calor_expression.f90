@@ -208,7 +208,7 @@ contains
 
   !> The values of the expression at many points. Values that are no numbers (0/0, the root of a
   !> negative number) or infinite are handed on as they are; the caller checks for them.
-  subroutine evaluate_points(self, x, y, time, values, temperature)
+  recursive subroutine evaluate_points(self, x, y, time, values, temperature)
     !> The expression; never compiled, it gives NaN
     class(expression_t), intent(in), target :: self
     !> Places of the points, m
@@ -375,6 +375,7 @@ contains
     character(len=:), allocatable, intent(out) :: reason
     type(ieee_status_type) :: status
     type(c_ptr) :: numbers, name, address
+    character(len=:), allocatable :: used_name
     integer(c_int) :: count, k
 
     position = 0
@@ -390,7 +391,8 @@ contains
     else
       do k = 0, mup_count_used(self%parser) - 1
         call mup_get_used(self%parser, k, name, address)
-        self%used = self%used .or. variable_names == from_c(name)
+        used_name = from_c(name)
+        self%used = self%used .or. variable_names == used_name
       end do
     end if
     call ieee_set_status(status)
