@@ -222,7 +222,8 @@ contains
         call raise_at(error, group, key, 'expected .true. or .false.')
         return
       end if
-      value = scan(entry%values(1)%text(1:2), 'tT') > 0
+      ! No spelling of false has a t
+      value = scan(entry%values(1)%text, 'tT') > 0
     end associate
   end subroutine get_logical
 
