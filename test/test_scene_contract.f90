@@ -210,8 +210,8 @@ contains
     if (allocated(error)) return
     call refuse('&boundary kind = ''flux'' /', 'has only temperature so far.', error)
     if (allocated(error)) return
-    call refuse('&boundary kind = ''temprature'' /', 'there is no ''temprature'' to choose. Did '// &
-                'you mean ''temperature''?'//lf//'There are: temperature (later: flux, ', error)
+    call refuse('&boundary kind = ''temprature'' /', 'there is no ''temprature'' to choose. '// &
+                'Did you mean ''temperature''?'//lf//'There are: temperature (later: flux, ', error)
     if (allocated(error)) return
     call refuse('&boundary kind = ''T'' /', 'there is no ''T'' to choose.', error)
   end subroutine test_later_values
