@@ -5,6 +5,9 @@
 program main
   use, intrinsic :: iso_fortran_env, only: error_unit
   use testdrive, only: run_testsuite, new_testsuite, testsuite_type, select_suite, run_selected
+  use test_expression, only: collect_expression
+  use test_scene_contract, only: collect_scene_contract
+  use test_scene_file, only: collect_scene_file
   use test_text, only: collect_text
   implicit none (type, external)
 
@@ -13,7 +16,10 @@ program main
   integer :: failures, k
 
   suites = [ &
-           new_testsuite('text', collect_text) &
+           new_testsuite('text', collect_text), &
+           new_testsuite('expression', collect_expression), &
+           new_testsuite('scene file', collect_scene_file), &
+           new_testsuite('scene contract', collect_scene_contract) &
            ]
 
   failures = 0
