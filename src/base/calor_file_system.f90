@@ -1,0 +1,226 @@
+!> What the file system says of a path, and the few things that Fortran cannot do to a file.
+!>
+!> A reason is the system's own short text, such as 'Permission denied'; '' means that all is well.
+module calor_file_system
+  use, intrinsic :: iso_c_binding, only: c_ptr, c_int, c_intptr_t, c_null_ptr, c_loc, &
+                                         c_associated
+  use calor_c_text, only: to_c, from_c
+  use calor_kinds, only: i8
+  implicit none (type, external)
+  private
+
+  public :: look_at_path, path_missing, path_file, path_folder, path_other, path_unreachable
+  public :: parent_folder, resolved_path, read_obstacle, write_obstacle
+  public :: rename_file, remove_file, ignore_file_size_signal
+
+  !> Nothing is there
+  integer, parameter :: path_missing = 0
+  !> A regular file
+  integer, parameter :: path_file = 1
+  !> A folder
+  integer, parameter :: path_folder = 2
+  !> A device, pipe or socket
+  integer, parameter :: path_other = 3
+  !> The system does not let us look
+  integer, parameter :: path_unreachable = 4
+
+  interface
+    function c_access(path, mode) result(status) bind(c, name='access')
+      import :: c_ptr, c_int
+      implicit none (type, external)
+      type(c_ptr), intent(in), value :: path
+      integer(c_int), intent(in), value :: mode
+      integer(c_int) :: status
+    end function c_access
+
+    function c_rename(old, new) result(status) bind(c, name='rename')
+      import :: c_ptr, c_int
+      implicit none (type, external)
+      type(c_ptr), intent(in), value :: old, new
+      integer(c_int) :: status
+    end function c_rename
+
+    function c_unlink(path) result(status) bind(c, name='unlink')
+      import :: c_ptr, c_int
+      implicit none (type, external)
+      type(c_ptr), intent(in), value :: path
+      integer(c_int) :: status
+    end function c_unlink
+
+    function c_realpath(path, buffer) result(resolved) bind(c, name='realpath')
+      import :: c_ptr
+      implicit none (type, external)
+      type(c_ptr), intent(in), value :: path
+      type(c_ptr), intent(in), value :: buffer
+      type(c_ptr) :: resolved
+    end function c_realpath
+
+    subroutine c_free(address) bind(c, name='free')
+      import :: c_ptr
+      implicit none (type, external)
+      type(c_ptr), intent(in), value :: address
+    end subroutine c_free
+
+    function c_strerror(code) result(text) bind(c, name='strerror')
+      import :: c_int, c_ptr
+      implicit none (type, external)
+      integer(c_int), intent(in), value :: code
+      type(c_ptr) :: text
+    end function c_strerror
+
+    function c_signal(number, handler) result(old) bind(c, name='signal')
+      import :: c_int, c_intptr_t
+      implicit none (type, external)
+      integer(c_int), intent(in), value :: number
+      integer(c_intptr_t), intent(in), value :: handler
+      integer(c_intptr_t) :: old
+    end function c_signal
+  end interface
+
+contains
+
+  !> Find out what is at a path; links are followed.
+  subroutine look_at_path(path, kind_of_path, reason)
+    !> Any path
+    character(len=*), intent(in) :: path
+    !> One of the `path_...` constants
+    integer, intent(out) :: kind_of_path
+    !> Why nothing can be seen there, where that is so
+    character(len=:), allocatable, intent(out) :: reason
+    integer, parameter :: no_entry = 2, no_folder_on_the_way = 20
+    integer(i8), parameter :: kind_bits = int(o'170000', i8), folder_bits = int(o'040000', i8), &
+                              file_bits = int(o'100000', i8)
+    integer(i8) :: facts(13), status
+    intrinsic :: stat
+
+    reason = ''
+    call stat(path, facts, status)
+    if (status /= 0) then
+      reason = from_c(c_strerror(int(status, c_int)))
+      kind_of_path = path_unreachable
+      if (status == no_entry .or. status == no_folder_on_the_way) kind_of_path = path_missing
+      return
+    end if
+    if (iand(facts(3), kind_bits) == folder_bits) then
+      kind_of_path = path_folder
+    else if (iand(facts(3), kind_bits) == file_bits) then
+      kind_of_path = path_file
+    else
+      kind_of_path = path_other
+    end if
+  end subroutine look_at_path
+
+  !> The folder that a path lies in: 'a' for 'a/b', '.' for 'b', '/' for '/b'.
+  pure function parent_folder(path) result(folder)
+    !> Any path
+    character(len=*), intent(in) :: path
+    character(len=:), allocatable :: folder
+    integer :: slash
+
+    slash = index(path, '/', back=.true.)
+    select case (slash)
+    case (0)
+      folder = '.'
+    case (1)
+      folder = '/'
+    case default
+      folder = path(:slash - 1)
+    end select
+  end function parent_folder
+
+  !> The path with every link on the way followed; the path itself if nothing is there yet.
+  function resolved_path(path) result(resolved)
+    !> Any path
+    character(len=*), intent(in) :: path
+    character(len=:), allocatable :: resolved
+    character(len=:), allocatable, target :: given
+    type(c_ptr) :: address
+
+    given = to_c(path)
+    address = c_realpath(c_loc(given), c_null_ptr)
+    if (c_associated(address)) then
+      resolved = from_c(address)
+      call c_free(address)
+    else
+      resolved = trim(path)
+    end if
+  end function resolved_path
+
+  !> Why a path may not be read, or ''.
+  function read_obstacle(path) result(reason)
+    !> Any path
+    character(len=*), intent(in) :: path
+    character(len=:), allocatable :: reason
+
+    reason = access_obstacle(path, 4_c_int)
+  end function read_obstacle
+
+  !> Why a file may not be written, or a folder not be written into, or ''.
+  function write_obstacle(path) result(reason)
+    !> Any path
+    character(len=*), intent(in) :: path
+    character(len=:), allocatable :: reason
+
+    reason = access_obstacle(path, 2_c_int)
+  end function write_obstacle
+
+  function access_obstacle(path, mode) result(reason)
+    character(len=*), intent(in) :: path
+    integer(c_int), intent(in) :: mode
+    character(len=:), allocatable :: reason
+    character(len=:), allocatable, target :: given
+
+    given = to_c(path)
+    reason = reason_of(c_access(c_loc(given), mode))
+  end function access_obstacle
+
+  !> Give a file another name in the same file system; a file of that name is replaced at once.
+  subroutine rename_file(old, new, reason)
+    !> The file
+    character(len=*), intent(in) :: old
+    !> Its new name
+    character(len=*), intent(in) :: new
+    !> Why that failed, or ''
+    character(len=:), allocatable, intent(out) :: reason
+    character(len=:), allocatable, target :: from, to
+
+    from = to_c(old)
+    to = to_c(new)
+    reason = reason_of(c_rename(c_loc(from), c_loc(to)))
+  end subroutine rename_file
+
+  !> Remove a file.
+  subroutine remove_file(path, reason)
+    !> The file
+    character(len=*), intent(in) :: path
+    !> Why that failed, or ''
+    character(len=:), allocatable, intent(out) :: reason
+    character(len=:), allocatable, target :: given
+
+    given = to_c(path)
+    reason = reason_of(c_unlink(c_loc(given)))
+  end subroutine remove_file
+
+  !> Let writing beyond the system's limit on file sizes fail like any other write.
+  !>
+  !> Without this the system ends the program by a signal. It concerns the whole process, so a main
+  !> program calls it once, and no library procedure does.
+  subroutine ignore_file_size_signal()
+    integer(c_int), parameter :: file_size_signal = 25_c_int
+    integer(c_intptr_t), parameter :: ignore = 1_c_intptr_t
+    integer(c_intptr_t) :: old
+
+    old = c_signal(file_size_signal, ignore)
+  end subroutine ignore_file_size_signal
+
+  !> The system's text for the error of the call that has just returned `status`, or ''.
+  function reason_of(status) result(reason)
+    integer(c_int), intent(in) :: status
+    character(len=:), allocatable :: reason
+    intrinsic :: ierrno
+
+    reason = ''
+    if (status /= 0) reason = from_c(c_strerror(int(ierrno(), c_int)))
+  end function reason_of
+
+end module calor_file_system
