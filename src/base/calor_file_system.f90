@@ -5,7 +5,6 @@ module calor_file_system
   use, intrinsic :: iso_c_binding, only: c_ptr, c_int, c_intptr_t, c_null_ptr, c_loc, &
                                          c_associated
   use calor_c_text, only: to_c, from_c
-  use calor_kinds, only: i8
   implicit none (type, external)
   private
 
@@ -88,9 +87,9 @@ contains
     !> Why nothing can be seen there, where that is so
     character(len=:), allocatable, intent(out) :: reason
     integer, parameter :: no_entry = 2, no_folder_on_the_way = 20
-    integer(i8), parameter :: kind_bits = int(o'170000', i8), folder_bits = int(o'040000', i8), &
-                              file_bits = int(o'100000', i8)
-    integer(i8) :: facts(13), status
+    integer, parameter :: kind_bits = int(o'170000'), folder_bits = int(o'040000'), &
+                          file_bits = int(o'100000')
+    integer :: facts(13), status
     intrinsic :: stat
 
     reason = ''
