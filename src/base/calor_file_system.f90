@@ -2,15 +2,17 @@
 !>
 !> A reason is the system's own short text, such as 'Permission denied'; '' means that all is well.
 module calor_file_system
-  use, intrinsic :: iso_c_binding, only: c_ptr, c_int, c_intptr_t, c_null_ptr, c_loc, &
-                                         c_associated
+  use, intrinsic :: iso_c_binding, only: c_ptr, c_int, c_int64_t, c_intptr_t, c_null_ptr, &
+                                         c_loc, c_associated
   use calor_c_text, only: to_c, from_c
+  use calor_kinds, only: i8
   implicit none (type, external)
   private
 
   public :: look_at_path, path_missing, path_file, path_folder, path_other, path_unreachable
   public :: parent_folder, resolved_path, read_obstacle, write_obstacle
-  public :: rename_file, remove_file, ignore_file_size_signal
+  public :: rename_file, remove_file, try_writing, reserve_space, cut_file
+  public :: ignore_file_size_signal
 
   !> Nothing is there
   integer, parameter :: path_missing = 0
@@ -45,6 +47,38 @@ module calor_file_system
       type(c_ptr), intent(in), value :: path
       integer(c_int) :: status
     end function c_unlink
+
+    function c_creat(path, mode) result(descriptor) bind(c, name='creat')
+      import :: c_ptr, c_int
+      implicit none (type, external)
+      type(c_ptr), intent(in), value :: path
+      integer(c_int), intent(in), value :: mode
+      integer(c_int) :: descriptor
+    end function c_creat
+
+    function c_close(descriptor) result(status) bind(c, name='close')
+      import :: c_int
+      implicit none (type, external)
+      integer(c_int), intent(in), value :: descriptor
+      integer(c_int) :: status
+    end function c_close
+
+    function c_posix_fallocate(descriptor, offset, bytes) result(code) bind(c, &
+                                                                            name='posix_fallocate')
+      import :: c_int, c_int64_t
+      implicit none (type, external)
+      integer(c_int), intent(in), value :: descriptor
+      integer(c_int64_t), intent(in), value :: offset, bytes
+      integer(c_int) :: code
+    end function c_posix_fallocate
+
+    function c_ftruncate(descriptor, bytes) result(status) bind(c, name='ftruncate')
+      import :: c_int, c_int64_t
+      implicit none (type, external)
+      integer(c_int), intent(in), value :: descriptor
+      integer(c_int64_t), intent(in), value :: bytes
+      integer(c_int) :: status
+    end function c_ftruncate
 
     function c_realpath(path, buffer) result(resolved) bind(c, name='realpath')
       import :: c_ptr
@@ -199,6 +233,67 @@ contains
     given = to_c(path)
     reason = reason_of(c_unlink(c_loc(given)))
   end subroutine remove_file
+
+  !> Make a new, empty file and find out whether it can grow to some size.
+  subroutine try_writing(path, bytes, reason)
+    !> The file; one of that name is replaced
+    character(len=*), intent(in) :: path
+    !> The size
+    integer(i8), intent(in) :: bytes
+    !> Why that cannot be, or ''
+    character(len=:), allocatable, intent(out) :: reason
+    character(len=:), allocatable, target :: given
+    integer(c_int), parameter :: all_may_read_and_write = int(o'666', c_int)
+    integer(c_int) :: descriptor, status
+
+    given = to_c(path)
+    descriptor = c_creat(c_loc(given), all_may_read_and_write)
+    if (descriptor < 0) then
+      reason = reason_of(descriptor)
+      return
+    end if
+    call reserve_space(descriptor, 0_i8, bytes, reason)
+    call cut_file(descriptor, 0_i8)
+    status = c_close(descriptor)
+    if (status /= 0 .and. reason == '') reason = reason_of(status)
+  end subroutine try_writing
+
+  !> Reserve room on the disk behind the end of an open file, so that writing there will not fail.
+  !>
+  !> A file system that cannot reserve is no reason to fail: only a lack of room is.
+  subroutine reserve_space(descriptor, offset, bytes, reason)
+    !> The system's number of the open file
+    integer, intent(in) :: descriptor
+    !> Where the room begins
+    integer(i8), intent(in) :: offset
+    !> How much is needed
+    integer(i8), intent(in) :: bytes
+    !> Why there is not enough, or ''
+    character(len=:), allocatable, intent(out) :: reason
+    integer, parameter :: file_too_large = 27, no_space = 28, over_quota = 122
+    integer :: code
+
+    reason = ''
+    code = c_posix_fallocate(descriptor, offset, bytes)
+    select case (code)
+    case (file_too_large, no_space, over_quota)
+      reason = from_c(c_strerror(int(code, c_int)))
+    case default
+      return
+    end select
+  end subroutine reserve_space
+
+  !> Give back the room that was reserved behind the end of an open file.
+  subroutine cut_file(descriptor, bytes)
+    !> The system's number of the open file
+    integer, intent(in) :: descriptor
+    !> The size that the file shall have
+    integer(i8), intent(in) :: bytes
+    integer :: status
+
+    ! If this fails, some room stays reserved, which does no harm.
+    status = c_ftruncate(descriptor, bytes)
+  end subroutine cut_file
 
   !> Let writing beyond the system's limit on file sizes fail like any other write.
   !>

@@ -3,11 +3,11 @@ module calor_hdf5
   use, intrinsic :: iso_c_binding, only: c_ptr, c_funptr, c_int, c_null_ptr, c_null_funptr, c_loc, &
                                          c_funloc, c_f_pointer
   use calor_c_text, only: from_c
-  use hdf5, only: hid_t, h5open_f, h5iis_valid_f, h5t_native_integer
+  use hdf5, only: hid_t, h5open_f, h5iis_valid_f, h5p_default_f, h5t_native_integer
   implicit none (type, external)
   private
 
-  public :: start_hdf5, hdf5_silence_t, hdf5_reason
+  public :: start_hdf5, hdf5_silence_t, hdf5_reason, hdf5_descriptor
 
   !> HDF5's number for the error stack of the running thread
   integer(hid_t), parameter :: default_stack = 0_hid_t
@@ -62,6 +62,15 @@ module calor_hdf5
       type(c_ptr), intent(in), value :: client
       integer(c_int) :: status
     end function h5eset_auto2
+
+    function h5fget_vfd_handle(file, access, handle) result(status) bind(c, &
+                                                                          name='H5Fget_vfd_handle')
+      import :: hid_t, c_ptr, c_int
+      implicit none (type, external)
+      integer(hid_t), intent(in), value :: file, access
+      type(c_ptr), intent(out) :: handle
+      integer(c_int) :: status
+    end function h5fget_vfd_handle
 
     function h5ewalk2(stack, direction, visitor, client) result(status) bind(c, name='H5Ewalk2')
       import :: hid_t, c_funptr, c_ptr, c_int
@@ -125,6 +134,24 @@ contains
       reason = 'HDF5 gives no reason'
     end if
   end function hdf5_reason
+
+  !> The system's number of an open HDF5 file that is written by HDF5's standard driver.
+  subroutine hdf5_descriptor(file_id, descriptor, status)
+    !> The file
+    integer(hid_t), intent(in) :: file_id
+    !> The system's number
+    integer, intent(out) :: descriptor
+    !> Negative if there is none
+    integer, intent(out) :: status
+    integer(c_int), pointer :: number
+    type(c_ptr) :: handle
+
+    descriptor = -1
+    status = h5fget_vfd_handle(file_id, h5p_default_f, handle)
+    if (status < 0) return
+    call c_f_pointer(handle, number)
+    descriptor = number
+  end subroutine hdf5_descriptor
 
   function visit(depth, entry_address, client) result(status) bind(c)
     integer(c_int), intent(in), value :: depth

@@ -1,7 +1,7 @@
 !> The output file: particles and their fields over time as VTKHDF, which ParaView and VTK open.
 !>
 !> The particles do not move, so places and cells (one vertex per particle) are stored once; each
-!> step appends the fields that it writes, and tables in group `Steps` say where a step's values begin.
+!> step appends the fields that it writes, and tables in group `Steps` say where its values begin.
 !> The format is https://docs.vtk.org/en/latest/vtk_file_formats/vtkhdf_file_format (version 2.0).
 !> Beside it, group `/calor` holds metadata as attributes, and `/calor/wall_time` the time that
 !> each phase of the run took; all else in the files of two equal runs is the same byte for byte.
@@ -17,6 +17,9 @@
 !>     ...
 !>     call file%close(error)
 !>
+!> HDF5 does not recover from a write that fails. So room on the disk is reserved before anything is
+!> written: where there is none left, a published file keeps all the steps that are complete.
+!>
 !> Every failure is an error of status `status_bad_file` with one sentence for the user.
 module calor_field_file
   use, intrinsic :: iso_c_binding, only: c_ptr, c_loc
@@ -26,8 +29,8 @@ module calor_field_file
   use calor_error, only: error_t, raise, status_bad_file
   use calor_file_system, only: look_at_path, path_missing, path_file, path_folder, &
                                path_unreachable, parent_folder, resolved_path, write_obstacle, &
-                               rename_file, remove_file
-  use calor_hdf5, only: start_hdf5, hdf5_silence_t, hdf5_reason
+                               rename_file, remove_file, try_writing, reserve_space, cut_file
+  use calor_hdf5, only: start_hdf5, hdf5_silence_t, hdf5_reason, hdf5_descriptor
   use calor_kinds, only: wp, i8
   use calor_text, only: text_t, to_text
   use hdf5, only: hid_t, hsize_t, size_t, h5kind_to_type, &
@@ -38,9 +41,9 @@ module calor_field_file
                   h5t_std_i64le, h5t_std_u8le, h5t_str_nullpad_f, h5t_string, &
                   h5aclose_f, h5acreate_f, h5adelete_f, h5aexists_f, h5awrite_f, &
                   h5dclose_f, h5dcreate_f, h5dget_space_f, h5dset_extent_f, h5dwrite_f, &
-                  h5fclose_f, h5fcreate_f, h5fflush_f, h5gclose_f, h5gcreate_f, &
-                  h5pclose_f, h5pcreate_f, h5pset_chunk_f, h5pset_fclose_degree_f, &
-                  h5pset_file_locking_f, h5pset_obj_track_times_f, &
+                  h5fclose_f, h5fcreate_f, h5fflush_f, h5fget_filesize_f, h5gclose_f, h5gcreate_f, &
+                  h5pclose_f, h5pcreate_f, h5pset_chunk_f, h5pset_fapl_sec2_f, &
+                  h5pset_fclose_degree_f, h5pset_file_locking_f, h5pset_obj_track_times_f, &
                   h5sclose_f, h5screate_f, h5screate_simple_f, h5sselect_hyperslab_f, &
                   h5tclose_f, h5tcopy_f, h5tset_cset_f, h5tset_size_f, h5tset_strpad_f
   implicit none (type, external)
@@ -53,6 +56,11 @@ module calor_field_file
                                                    'PartOffsets', 'NumberOfParts', 'PointOffsets', &
                                                    'CellOffsets', 'ConnectivityIdOffsets']
   integer(i8), parameter :: step_entries(*) = [0_i8, 1_i8, 0_i8, 0_i8, 0_i8]
+
+  !> Room for HDF5's own records (indices, headers, heaps): in all, beside what is written in one
+  !> call and in one table of the steps, and beside a text; bytes
+  integer(i8), parameter :: room_for_records = 65536_i8, room_for_table = 8192_i8, &
+                            room_per_text = 64_i8
 
   !> VTK's number for a cell that is a single point
   integer(int8), parameter :: vertex_cell = 1_int8
@@ -100,6 +108,10 @@ module calor_field_file
     !> Steps that are whole and counted in the file
     integer :: whole_steps = 0
     type(point_data_t), allocatable :: point_data(:)
+    !> Room reserved since the last flush, bytes
+    integer(i8) :: unflushed = 0
+    !> The system's number of the file
+    integer :: descriptor = -1
     integer(hid_t) :: file_id = -1
     integer(hid_t) :: vtk_group = -1
     integer(hid_t) :: point_data_group = -1
@@ -133,7 +145,7 @@ module calor_field_file
     procedure, private :: add_static_reals, add_static_integers
     procedure, private :: write_reals, write_vectors, write_integers
     procedure, private :: set_text, set_texts, set_real, set_reals, set_integer
-    procedure, private :: fail, ready
+    procedure, private :: fail, ready, reserve
   end type field_file_t
 
 contains
@@ -151,7 +163,10 @@ contains
     real(wp), intent(in) :: x(:), y(:)
     !> Why the file cannot be written, in words for the user
     type(error_t), allocatable, intent(out) :: error
+    !> A place, a cell's type and its entries in two tables
+    integer(i8), parameter :: bytes_per_particle = 3*8 + 1 + 2*8
     type(hdf5_silence_t) :: silence
+    character(len=:), allocatable :: reason
     integer :: status
 
     this%path = trim(path)
@@ -163,15 +178,26 @@ contains
     this%target_path = resolved_path(this%path)
     this%temporary_path = this%target_path//'.partial'
 
+    ! HDF5 needs some room even to begin a file and give it up again.
+    call try_writing(this%temporary_path, room_for_records, reason)
+    if (reason /= '') then
+      call this%fail(reason, error)
+      call remove_file(this%temporary_path, reason)
+      return
+    end if
+
     call silence%begin()
     call start_hdf5(status)
     if (status >= 0) call open_new_file(this%temporary_path, this%file_id, status)
-    if (status >= 0) then
-      this%is_open = .true.
+    this%is_open = status >= 0
+    if (status >= 0) call hdf5_descriptor(this%file_id, this%descriptor, status)
+    if (status < 0) call this%fail(hdf5_reason(), error)
+    if (.not. allocated(error)) call this%reserve(bytes_per_particle*size(x, kind=i8), error)
+    if (.not. allocated(error)) then
       call write_frame(this, status)
       if (status >= 0) call write_particles(this, x, y, status)
+      if (status < 0) call this%fail(hdf5_reason(), error)
     end if
-    if (status < 0) call this%fail(error)
     call silence%finish()
     if (allocated(error)) call this%discard()
   end subroutine create
@@ -206,7 +232,8 @@ contains
     call silence%begin()
     call complete_step(this, status)
     if (status >= 0) call h5fflush_f(this%file_id, h5f_scope_local_f, status)
-    if (status < 0) call this%fail(error)
+    if (status < 0) call this%fail(hdf5_reason(), error)
+    this%unflushed = 0
     call silence%finish()
   end subroutine flush_file
 
@@ -223,10 +250,8 @@ contains
     call this%publish(error)
     if (.not. allocated(error)) then
       call silence%begin()
-      call close_objects(this)
-      call h5fclose_f(this%file_id, status)
-      this%is_open = .false.
-      if (status < 0) call this%fail(error)
+      call close_hdf5_file(this, status)
+      if (status < 0) call this%fail(hdf5_reason(), error)
       call silence%finish()
     end if
     call this%discard()
@@ -241,10 +266,8 @@ contains
 
     if (this%is_open) then
       call silence%begin()
-      call close_objects(this)
-      call h5fclose_f(this%file_id, status)
+      call close_hdf5_file(this, status)
       call silence%finish()
-      this%is_open = .false.
       ! There is nothing more to be done about a temporary file that cannot be removed.
       if (.not. this%is_published) call remove_file(this%temporary_path, reason)
     end if
@@ -280,7 +303,7 @@ contains
     call add_static_values(this, name, holds_integers, size(values), c_loc(values), error)
   end subroutine add_static_integers
 
-  !> Begin the next step; the step before it counts as complete from now on.
+  !> Begin the next step; the step before is completed as by `flush`, if that has not been done.
   !>
   !> Point data that a step does not write keep the values of the step before.
   subroutine begin_step(this, time, error)
@@ -293,11 +316,18 @@ contains
     integer :: status
 
     if (.not. this%ready(error)) return
+    if (this%whole_steps < this%steps) then
+      call this%flush(error)
+      if (allocated(error)) return
+    end if
     call silence%begin()
-    call complete_step(this, status)
-    if (status >= 0 .and. this%steps == 0) call make_steps_group(this, status)
-    if (status >= 0) call append_step(this, time, status)
-    if (status < 0) call this%fail(error)
+    call this%reserve(room_for_table*size(this%point_data), error)
+    if (.not. allocated(error)) then
+      status = 0
+      if (this%steps == 0) call make_steps_group(this, status)
+      if (status >= 0) call append_step(this, time, status)
+      if (status < 0) call this%fail(hdf5_reason(), error)
+    end if
     call silence%finish()
   end subroutine begin_step
 
@@ -367,7 +397,7 @@ contains
 
     text = to_c(value)
     address = c_loc(text)
-    call set_texts_at(this, name, -1, c_loc(address), error)
+    call set_texts_at(this, name, -1, len(text, i8), c_loc(address), error)
   end subroutine set_text
 
   !> Set an attribute to an array of texts.
@@ -381,14 +411,17 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(text_t), allocatable, target :: texts(:)
     type(c_ptr), allocatable, target :: addresses(:)
+    integer(i8) :: bytes
     integer :: k
 
     allocate (texts(size(values)), addresses(size(values)))
+    bytes = 0
     do k = 1, size(values)
       texts(k)%value = to_c(values(k)%value)
       addresses(k) = c_loc(texts(k)%value)
+      bytes = bytes + len(texts(k)%value) + room_per_text
     end do
-    call set_texts_at(this, name, size(values), c_loc(addresses), error)
+    call set_texts_at(this, name, size(values), bytes, c_loc(addresses), error)
   end subroutine set_texts
 
   !> Set an attribute to a real.
@@ -451,14 +484,36 @@ contains
   ! Errors
   ! ---------------------------------------------------------------------------------------------
 
-  !> Make an error of the HDF5 call that has just failed, and keep it: the file is spoilt.
-  subroutine fail(this, error)
+  !> Make an error of a failure to write, and keep it: from now on the file takes nothing more.
+  subroutine fail(this, reason, error)
     class(field_file_t), intent(inout) :: this
+    character(len=*), intent(in) :: reason
     type(error_t), allocatable, intent(out) :: error
 
-    this%failure = 'The output file '''//this%path//''' could not be written: '//hdf5_reason()//'.'
+    this%failure = 'The output file '''//this%path//''' could not be written: '//reason//'.'
     call raise(error, status_bad_file, this%failure)
   end subroutine fail
+
+  !> Reserve room on the disk for what is about to be written.
+  subroutine reserve(this, bytes, error)
+    class(field_file_t), intent(inout) :: this
+    integer(i8), intent(in) :: bytes
+    type(error_t), allocatable, intent(out) :: error
+    character(len=:), allocatable :: reason
+    integer(hsize_t) :: file_size
+    integer :: status
+
+    call h5fget_filesize_f(this%file_id, file_size, status)
+    if (status < 0) then
+      call this%fail(hdf5_reason(), error)
+      return
+    end if
+    ! HDF5 may keep in memory what it was given, and enlarge the file only when it is flushed.
+    this%unflushed = this%unflushed + bytes + room_for_table
+    call reserve_space(this%descriptor, int(file_size, i8), this%unflushed + room_for_records, &
+                       reason)
+    if (reason /= '') call this%fail(reason, error)
+  end subroutine reserve
 
   !> Whether the file can be written to; if not, the error says why.
   function ready(this, error)
@@ -548,6 +603,8 @@ contains
     call h5pset_obj_track_times_f(creation, .false., status)
     if (status < 0) return
     call h5pcreate_f(h5p_file_access_f, access, status)
+    if (status < 0) return
+    call h5pset_fapl_sec2_f(access, status)
     if (status < 0) return
     ! Whatever is still open after a failed write must not keep the file open.
     call h5pset_fclose_degree_f(access, h5f_close_strong_f, status)
@@ -666,12 +723,15 @@ contains
       return
     end if
     call silence%begin()
-    call add_point_data(this, name, content, components=1, static=.true., position=position, &
-                        status=status)
-    if (status >= 0) then
-      call h5dwrite_f(this%point_data(position)%dataset, memory_type(content), address, status)
+    call this%reserve(8_i8*length, error)
+    if (.not. allocated(error)) then
+      call add_point_data(this, name, content, components=1, static=.true., position=position, &
+                          status=status)
+      if (status >= 0) then
+        call h5dwrite_f(this%point_data(position)%dataset, memory_type(content), address, status)
+      end if
+      if (status < 0) call this%fail(hdf5_reason(), error)
     end if
-    if (status < 0) call this%fail(error)
     call silence%finish()
   end subroutine add_static_values
 
@@ -682,7 +742,7 @@ contains
     type(c_ptr), intent(in) :: address
     type(error_t), allocatable, intent(out) :: error
     type(hdf5_silence_t) :: silence
-    integer :: position, status
+    integer :: position, blocks, status
 
     if (.not. this%ready(error)) return
     call check_length(this, name, length, error)
@@ -701,14 +761,21 @@ contains
     if (allocated(error)) return
 
     call silence%begin()
-    status = 0
-    if (position == 0) then
-      call add_point_data(this, name, content, components, static=.false., position=position, &
-                          status=status)
-      if (status >= 0) call fill_earlier_steps(this, position, status)
+    blocks = 1
+    ! Point data that first appear now fill the steps before with one block.
+    if (position == 0) blocks = 2
+    ! Chunks are written whole, so the last one may go beyond the rows.
+    call this%reserve(8_i8*components*(blocks*length + rows_per_chunk(this%particles)), error)
+    if (.not. allocated(error)) then
+      status = 0
+      if (position == 0) then
+        call add_point_data(this, name, content, components, static=.false., position=position, &
+                            status=status)
+        if (status >= 0) call fill_earlier_steps(this, position, status)
+      end if
+      if (status >= 0) call append_values(this, position, address, status)
+      if (status < 0) call this%fail(hdf5_reason(), error)
     end if
-    if (status >= 0) call append_values(this, position, address, status)
-    if (status < 0) call this%fail(error)
     call silence%finish()
   end subroutine write_values
 
@@ -894,10 +961,13 @@ contains
                        h5kind_to_type(i8, h5_integer_kind), -1, c_loc(count), status)
   end subroutine put_step_count
 
-  subroutine set_texts_at(this, name, count, addresses, error)
+  subroutine set_texts_at(this, name, count, bytes, addresses, error)
     class(field_file_t), intent(inout) :: this
     character(len=*), intent(in) :: name
+    !> Number of texts; negative for a single value
     integer, intent(in) :: count
+    !> Length of all texts together
+    integer(i8), intent(in) :: bytes
     type(c_ptr), intent(in) :: addresses
     type(error_t), allocatable, intent(out) :: error
     type(hdf5_silence_t) :: silence
@@ -906,14 +976,17 @@ contains
 
     if (.not. this%ready(error)) return
     call silence%begin()
-    ! This type's texts have any length and end with a null.
-    call h5tcopy_f(h5t_string, text_type, status)
-    if (status >= 0) call h5tset_cset_f(text_type, h5t_cset_utf8_f, status)
-    if (status >= 0) then
-      call put_attribute(this%calor_group, name, text_type, text_type, count, addresses, status)
+    call this%reserve(bytes, error)
+    if (.not. allocated(error)) then
+      ! This type's texts have any length and end with a null.
+      call h5tcopy_f(h5t_string, text_type, status)
+      if (status >= 0) call h5tset_cset_f(text_type, h5t_cset_utf8_f, status)
+      if (status >= 0) then
+        call put_attribute(this%calor_group, name, text_type, text_type, count, addresses, status)
+      end if
+      if (status >= 0) call h5tclose_f(text_type, status)
+      if (status < 0) call this%fail(hdf5_reason(), error)
     end if
-    if (status >= 0) call h5tclose_f(text_type, status)
-    if (status < 0) call this%fail(error)
     call silence%finish()
   end subroutine set_texts_at
 
@@ -925,39 +998,53 @@ contains
     type(c_ptr), intent(in) :: address
     type(error_t), allocatable, intent(out) :: error
     type(hdf5_silence_t) :: silence
+    integer(hid_t) :: file_type
     integer :: status
 
+    file_type = h5t_ieee_f64le
+    if (content == holds_integers) file_type = h5t_std_i32le
     call silence%begin()
-    select case (content)
-    case (holds_integers)
-      call put_attribute(group, name, h5t_std_i32le, memory_type(content), count, address, status)
-    case default
-      call put_attribute(group, name, h5t_ieee_f64le, memory_type(content), count, address, status)
-    end select
-    if (status < 0) call this%fail(error)
+    call this%reserve(8_i8*max(1, count), error)
+    if (.not. allocated(error)) then
+      call put_attribute(group, name, file_type, memory_type(content), count, address, status)
+      if (status < 0) call this%fail(hdf5_reason(), error)
+    end if
     call silence%finish()
   end subroutine set_numbers
 
-  !> Close all but the file. Whether that works does not matter: closing the file closes the rest.
-  subroutine close_objects(this)
+  !> Close the file and all that is open in it, and give back the room that it did not need.
+  subroutine close_hdf5_file(this, status)
     class(field_file_t), intent(inout) :: this
-    integer :: k, status
+    integer, intent(out) :: status
+    integer(hsize_t) :: file_size
+    integer :: k, ignored
 
+    ! Whether an object can be closed does not matter: closing the file closes the rest.
     do k = 1, size(this%point_data)
-      call h5dclose_f(this%point_data(k)%dataset, status)
-      call h5dclose_f(this%point_data(k)%offsets, status)
+      call h5dclose_f(this%point_data(k)%dataset, ignored)
+      call h5dclose_f(this%point_data(k)%offsets, ignored)
     end do
     do k = 1, size(this%tables)
-      call h5dclose_f(this%tables(k), status)
+      call h5dclose_f(this%tables(k), ignored)
     end do
-    call h5dclose_f(this%times, status)
-    call h5gclose_f(this%offsets_group, status)
-    call h5gclose_f(this%steps_group, status)
-    call h5gclose_f(this%wall_time_group, status)
-    call h5gclose_f(this%calor_group, status)
-    call h5gclose_f(this%point_data_group, status)
-    call h5gclose_f(this%vtk_group, status)
-  end subroutine close_objects
+    call h5dclose_f(this%times, ignored)
+    call h5gclose_f(this%offsets_group, ignored)
+    call h5gclose_f(this%steps_group, ignored)
+    call h5gclose_f(this%wall_time_group, ignored)
+    call h5gclose_f(this%calor_group, ignored)
+    call h5gclose_f(this%point_data_group, ignored)
+    call h5gclose_f(this%vtk_group, ignored)
+    this%is_open = .false.
+
+    call h5fflush_f(this%file_id, h5f_scope_local_f, status)
+    if (status >= 0) call h5fget_filesize_f(this%file_id, file_size, status)
+    if (status >= 0) call cut_file(this%descriptor, int(file_size, i8))
+    if (status >= 0) then
+      call h5fclose_f(this%file_id, status)
+    else
+      call h5fclose_f(this%file_id, ignored)
+    end if
+  end subroutine close_hdf5_file
 
   subroutine check_length(this, name, length, error)
     class(field_file_t), intent(in) :: this
