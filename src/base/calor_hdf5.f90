@@ -1,7 +1,7 @@
 !> What every reader and writer of HDF5 files here needs beside HDF5's own interface.
 module calor_hdf5
-  use, intrinsic :: iso_c_binding, only: c_ptr, c_funptr, c_int, c_null_ptr, c_null_funptr, c_loc, &
-                                         c_funloc, c_f_pointer
+  use, intrinsic :: iso_c_binding, only: c_ptr, c_funptr, c_int, c_int64_t, c_null_ptr, &
+                                         c_null_funptr, c_loc, c_funloc, c_f_pointer
   use calor_c_text, only: from_c
   use hdf5, only: hid_t, h5open_f, h5iis_valid_f, h5p_default_f, h5t_native_integer
   implicit none (type, external)
@@ -10,7 +10,7 @@ module calor_hdf5
   public :: start_hdf5, hdf5_silence_t, hdf5_reason, hdf5_descriptor
 
   !> HDF5's number for the error stack of the running thread
-  integer(hid_t), parameter :: default_stack = 0_hid_t
+  integer(c_int64_t), parameter :: default_stack = 0_c_int64_t
 
   !> Keeps HDF5 from printing its errors between `begin` and `finish`.
   !>
@@ -29,9 +29,9 @@ module calor_hdf5
 
   !> One entry of the error stack, as HDF5 lays it out
   type, bind(c) :: stack_entry_t
-    integer(hid_t) :: class_id
-    integer(hid_t) :: major
-    integer(hid_t) :: minor
+    integer(c_int64_t) :: class_id
+    integer(c_int64_t) :: major
+    integer(c_int64_t) :: minor
     integer(c_int) :: line
     type(c_ptr) :: procedure_name
     type(c_ptr) :: file_name
@@ -46,18 +46,18 @@ module calor_hdf5
 
   interface
     function h5eget_auto2(stack, printer, client) result(status) bind(c, name='H5Eget_auto2')
-      import :: hid_t, c_funptr, c_ptr, c_int
+      import :: c_int64_t, c_funptr, c_ptr, c_int
       implicit none (type, external)
-      integer(hid_t), intent(in), value :: stack
+      integer(c_int64_t), intent(in), value :: stack
       type(c_funptr), intent(out) :: printer
       type(c_ptr), intent(out) :: client
       integer(c_int) :: status
     end function h5eget_auto2
 
     function h5eset_auto2(stack, printer, client) result(status) bind(c, name='H5Eset_auto2')
-      import :: hid_t, c_funptr, c_ptr, c_int
+      import :: c_int64_t, c_funptr, c_ptr, c_int
       implicit none (type, external)
-      integer(hid_t), intent(in), value :: stack
+      integer(c_int64_t), intent(in), value :: stack
       type(c_funptr), intent(in), value :: printer
       type(c_ptr), intent(in), value :: client
       integer(c_int) :: status
@@ -65,17 +65,17 @@ module calor_hdf5
 
     function h5fget_vfd_handle(file, access, handle) result(status) bind(c, &
                                                                           name='H5Fget_vfd_handle')
-      import :: hid_t, c_ptr, c_int
+      import :: c_int64_t, c_ptr, c_int
       implicit none (type, external)
-      integer(hid_t), intent(in), value :: file, access
+      integer(c_int64_t), intent(in), value :: file, access
       type(c_ptr), intent(out) :: handle
       integer(c_int) :: status
     end function h5fget_vfd_handle
 
     function h5ewalk2(stack, direction, visitor, client) result(status) bind(c, name='H5Ewalk2')
-      import :: hid_t, c_funptr, c_ptr, c_int
+      import :: c_int64_t, c_funptr, c_ptr, c_int
       implicit none (type, external)
-      integer(hid_t), intent(in), value :: stack
+      integer(c_int64_t), intent(in), value :: stack
       integer(c_int), intent(in), value :: direction
       type(c_funptr), intent(in), value :: visitor
       type(c_ptr), intent(in), value :: client
@@ -117,7 +117,9 @@ contains
   !>
   !> That is the system's reason where a read or write failed ('No space left on device'), and
   !> otherwise HDF5's innermost description. The next HDF5 call wipes the account that this reads.
-  function hdf5_reason() result(reason)
+  function hdf5_reason(of_the_system) result(reason)
+    !> Whether the system failed to read or write
+    logical, intent(out), optional :: of_the_system
     character(len=:), allocatable :: reason
     type(account_t), target :: account
     integer(c_int), parameter :: from_the_deepest = 0_c_int
@@ -133,6 +135,7 @@ contains
     else
       reason = 'HDF5 gives no reason'
     end if
+    if (present(of_the_system)) of_the_system = account%system_reason /= ''
   end function hdf5_reason
 
   !> The system's number of an open HDF5 file that is written by HDF5's standard driver.
