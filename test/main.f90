@@ -8,7 +8,11 @@ program main
   use test_expression, only: collect_expression
   use test_scene_contract, only: collect_scene_contract
   use test_scene_file, only: collect_scene_file
+  use test_field_file, only: collect_field_file
+  use test_heat, only: collect_heat
+  use test_operators, only: collect_operators
   use test_text, only: collect_text
+  use test_time, only: collect_time
   implicit none (type, external)
 
   type(testsuite_type), allocatable :: suites(:)
@@ -19,7 +23,11 @@ program main
            new_testsuite('text', collect_text), &
            new_testsuite('expression', collect_expression), &
            new_testsuite('scene file', collect_scene_file), &
-           new_testsuite('scene contract', collect_scene_contract) &
+           new_testsuite('scene contract', collect_scene_contract), &
+           new_testsuite('field file', collect_field_file), &
+           new_testsuite('operators', collect_operators), &
+           new_testsuite('time', collect_time), &
+           new_testsuite('heat', collect_heat) &
            ]
 
   failures = 0
