@@ -175,10 +175,10 @@ contains
     select case (command)
     case ('run', 'check')
       call say('SCENE is a namelist file of these groups and keys:')
-      call say_lines(contract_help(''))
+      call say(contract_help(''))
     case ('operators')
       call say('SCENE is a namelist file with the groups &domain, &kernel and:')
-      call say_lines(contract_help('operators'))
+      call say(contract_help('operators'))
     case ('new')
       call say('Writes NAME.nml, a small plate with every key explained. An existing file is left alone.')
     end select

@@ -8,7 +8,8 @@ module test_operators
   use calor_small_system, only: solve_small_system
   use calor_sparse_operator, only: sparse_operator_t
   use calor_stencil, only: stencil_t
-  use test_support, only: discretisation_t, unit_square, relative_l2
+  use calor_sums, only: root_mean_square
+  use test_support, only: discretisation_t, unit_square
   use testdrive, only: new_unittest, unittest_type, error_type, check, test_failed
   implicit none (type, external)
   private
@@ -96,7 +97,8 @@ contains
                             0.175_wp, error)
   end subroutine test_reference_jittered
 
-  !> Every column of a table at its interior particles to 1e-9 of the column's largest magnitude.
+  !> Every column of a table at its interior particles to 1e-9 of the column's largest magnitude; a
+  !> tensor's components share the magnitude of the largest, since some are zero but for rounding.
   subroutine compare_with_table(path, kernel, radius, error)
     character(len=*), intent(in) :: path, kernel
     real(wp), intent(in) :: radius
@@ -105,6 +107,7 @@ contains
     character(len=24), allocatable :: names(:)
     type(discretisation_t) :: cloud
     type(sparse_operator_t) :: operator_x, operator_y
+    real(wp) :: magnitude
     integer :: k
 
     call read_table(path, names, table)
@@ -131,8 +134,16 @@ contains
     call find_tensors(cloud, found(:, 23:29))
 
     do k = 9, columns
-      call check(error, maxval(abs(found(:, k) - table(:, k)), cloud%inside) <= &
-                 1.0e-9_wp*maxval(abs(table(:, k)), cloud%inside), trim(names(k))//' differs')
+      select case (k)
+      case (23:26)
+        magnitude = maxval(abs(table(:, 23:26)), spread(cloud%inside, 2, 4))
+      case (27:29)
+        magnitude = maxval(abs(table(:, 27:29)), spread(cloud%inside, 2, 3))
+      case default
+        magnitude = maxval(abs(table(:, k)), cloud%inside)
+      end select
+      call check(error, maxval(abs(found(:, k) - table(:, k)), cloud%inside) <= 1.0e-9_wp*magnitude, &
+                 trim(names(k))//' differs')
       if (allocated(error)) return
     end do
   end subroutine compare_with_table
@@ -335,7 +346,8 @@ contains
     end do
   end subroutine test_scale
 
-  !> Relative L2 error of ∇² sin πx sin πy on the unit square over the particles of whole support.
+  !> Error of ∇² sin πx sin πy on the unit square as in the published table: root mean square over the
+  !> particles of whole support, relative to that of the exact Laplacian over all particles.
   function laplacian_error(n, jitter, support, scheme, seed) result(deviation)
     integer, intent(in) :: n
     real(wp), intent(in) :: jitter, support
@@ -345,13 +357,16 @@ contains
     type(discretisation_t) :: cloud
     type(sparse_operator_t) :: operator
     real(wp), allocatable :: field(:), found(:)
+    logical, allocatable :: whole(:)
 
     cloud = unit_square(n, 'jittered', jitter, seed, 'wendland_c2', support)
     call cloud%laplacian(scheme, operator)
     field = sin(pi*cloud%x)*sin(pi*cloud%y)
     allocate (found(size(field)))
     call operator%apply(field, found)
-    deviation = relative_l2(found, -2*pi**2*field, cloud%whole_support())
+    whole = cloud%whole_support()
+    deviation = root_mean_square(pack(found + 2*pi**2*field, whole))/ &
+                root_mean_square(2*pi**2*field)
   end function laplacian_error
 
   !> The same for the schemes and resolutions of the published table
@@ -419,7 +434,7 @@ contains
 
     cloud = unit_square(10, 'lattice', 0.0_wp, 1, 'wendland_c2', 1.2_wp)
     call cloud%laplacian('fatehi_manzari', operator, report)
-    call check(error, all(report%condition_laplacian > 1.0e12_wp, cloud%inside))
+    call check(error, all(pack(report%condition_laplacian, cloud%inside) > 1.0e12_wp))
     if (allocated(error)) return
     do row = 1, operator%rows()
       if (.not. cloud%inside(row)) cycle

@@ -16,7 +16,7 @@ module test_support
   implicit none (type, external)
   private
 
-  public :: discretisation_t, unit_square, relative_l2
+  public :: discretisation_t, unit_square
 
   !> A cloud with kernel, support radii and neighbours
   type :: discretisation_t
@@ -112,14 +112,5 @@ contains
                  all(this%inside(this%list%index(this%list%first(k):this%list%first(k + 1) - 1)))
     end do
   end function whole_support
-
-  !> ‖a - b‖/‖b‖ over some of the entries.
-  pure function relative_l2(a, b, mask) result(deviation)
-    real(wp), intent(in) :: a(:), b(:)
-    logical, intent(in) :: mask(:)
-    real(wp) :: deviation
-
-    deviation = sqrt(sum((a - b)**2, mask)/sum(b**2, mask))
-  end function relative_l2
 
 end module test_support

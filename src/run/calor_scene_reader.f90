@@ -149,7 +149,7 @@ contains
                          'arrangement = '''//domain%arrangement//'''', error)
         if (allocated(error)) return
       else
-        call get(group, 'jitter', domain%jitter, error, non_negative=.true.)
+        call get(group, 'jitter', domain%jitter, error, default=0.2_wp, non_negative=.true.)
         if (allocated(error)) return
       end if
       call get(group, 'seed', domain%seed, error, default=1)
