@@ -206,6 +206,8 @@ contains
     if (allocated(error)) return
     call check_message('x +', 'at position 4: it ends too early', error)
     if (allocated(error)) return
+    call check_message('2*-', 'at position 4: a value is missing', error)
+    if (allocated(error)) return
     call check_message('1 + sin(x, y)', 'at position 5: the function ''sin'' has too many', error)
     if (allocated(error)) return
     call check_message('1 + sin x', 'at position 5: the function ''sin'' needs', error)

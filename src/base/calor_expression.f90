@@ -42,7 +42,7 @@ module calor_expression
       text_expected = 9, value_expected = 10, missing_parenthesis = 11, &
       unexpected_function = 12, open_text = 13, too_many_arguments = 14, too_few_arguments = 15, &
       type_conflict = 16, text_result = 17, unexpected_conditional = 32, missing_else = 33, &
-      misplaced_colon = 34
+      misplaced_colon = 34, sign_of_nothing = 39
 
   !> A compiled expression. It may be copied by assignment; each copy has a parser of its own.
   !> An expression must not be evaluated by two threads at once: give each thread a copy.
@@ -489,6 +489,8 @@ contains
     case (missing_else)
       position = scan(text, '?')
       reason = '''?'' has no '':'' after it'
+    case (sign_of_nothing)
+      reason = 'a value is missing'
     case default
       reason = 'muParser cannot read it (its error '//to_text(int(code))//')'
     end select

@@ -21,7 +21,7 @@ module calor_scene_contract
 
   !> The types in words, in the order of the constants
   character(len=12), parameter :: type_words(*) = [character(len=12) :: 'number', 'numbers', &
-      'whole number', 'yes or no', 'text', 'texts', 'expression']
+      'whole number', 'true/false', 'text', 'texts', 'expression']
 
   logical, parameter :: now = .true., later = .false., many = .true., one = .false.
 
