@@ -1,7 +1,9 @@
 !> Runs the test suites: all of them, one (`-- SUITE`), or one test of one suite (`-- SUITE TEST`).
 program main
   use, intrinsic :: iso_fortran_env, only: error_unit
+  use calor_hdf5, only: skip_hdf5_cleanup
   use testdrive, only: run_testsuite, new_testsuite, testsuite_type, select_suite, run_selected
+  use test_cloud_file, only: collect_cloud_file
   use test_field_file, only: collect_field_file
   use test_text, only: collect_text
   implicit none (type, external)
@@ -12,9 +14,13 @@ program main
 
   suites = [ &
            new_testsuite('text', collect_text), &
+           new_testsuite('cloud_file', collect_cloud_file), &
            new_testsuite('field_file', collect_field_file) &
            ]
 
+  ! The tests read damaged files, and put theirs into a folder of the build.
+  call skip_hdf5_cleanup()
+  call execute_command_line('mkdir -p build/test')
   failures = 0
   suite_name = argument(1)
   test_name = argument(2)
