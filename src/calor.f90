@@ -12,8 +12,10 @@ module calor
   use calor_evolution, only: evolution_t
   use calor_expression, only: expression_t, compile_expression
   use calor_field_file, only: field_file_t
+  use calor_file_system, only: ignore_file_size_signal
   use calor_gradient_scheme, only: gradient_scheme_t
   use calor_gradient_schemes, only: gradient_choices, make_gradient_scheme
+  use calor_hdf5, only: skip_hdf5_cleanup
   use calor_integrator, only: integrator_t
   use calor_integrators, only: integrator_choices, make_integrator
   use calor_kernel, only: kernel_t

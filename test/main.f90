@@ -4,10 +4,12 @@
 !> thread-safe, tests measure, and a parallel loop inside a test should get its threads.
 program main
   use, intrinsic :: iso_fortran_env, only: error_unit
+  use calor_hdf5, only: skip_hdf5_cleanup
   use testdrive, only: run_testsuite, new_testsuite, testsuite_type, select_suite, run_selected
   use test_expression, only: collect_expression
   use test_scene_contract, only: collect_scene_contract
   use test_scene_file, only: collect_scene_file
+  use test_cloud_file, only: collect_cloud_file
   use test_field_file, only: collect_field_file
   use test_heat, only: collect_heat
   use test_operators, only: collect_operators
@@ -25,11 +27,15 @@ program main
            new_testsuite('scene file', collect_scene_file), &
            new_testsuite('scene contract', collect_scene_contract), &
            new_testsuite('field file', collect_field_file), &
+           new_testsuite('cloud file', collect_cloud_file), &
            new_testsuite('operators', collect_operators), &
            new_testsuite('time', collect_time), &
            new_testsuite('heat', collect_heat) &
            ]
 
+  ! The tests read damaged files, and put theirs into a folder of the build.
+  call skip_hdf5_cleanup()
+  call execute_command_line('mkdir -p build/test')
   failures = 0
   suite_name = argument(1)
   test_name = argument(2)
