@@ -2,6 +2,7 @@
 program main
   use, intrinsic :: iso_fortran_env, only: error_unit
   use testdrive, only: run_testsuite, new_testsuite, testsuite_type, select_suite, run_selected
+  use test_kernels, only: collect_kernels
   use test_text, only: collect_text
   implicit none (type, external)
 
@@ -10,7 +11,8 @@ program main
   integer :: failures, k
 
   suites = [ &
-           new_testsuite('text', collect_text) &
+           new_testsuite('text', collect_text), &
+           new_testsuite('kernels', collect_kernels) &
            ]
 
   failures = 0
