@@ -3,6 +3,7 @@ program main
   use, intrinsic :: iso_fortran_env, only: error_unit
   use testdrive, only: run_testsuite, new_testsuite, testsuite_type, select_suite, run_selected
   use test_kernels, only: collect_kernels
+  use test_neighbour_list, only: collect_neighbour_list
   use test_text, only: collect_text
   implicit none (type, external)
 
@@ -12,7 +13,8 @@ program main
 
   suites = [ &
            new_testsuite('text', collect_text), &
-           new_testsuite('kernels', collect_kernels) &
+           new_testsuite('kernels', collect_kernels), &
+           new_testsuite('neighbour_list', collect_neighbour_list) &
            ]
 
   failures = 0
