@@ -2,8 +2,10 @@
 program main
   use, intrinsic :: iso_fortran_env, only: error_unit
   use testdrive, only: run_testsuite, new_testsuite, testsuite_type, select_suite, run_selected
+  use test_clouds, only: collect_clouds
   use test_kernels, only: collect_kernels
   use test_neighbour_list, only: collect_neighbour_list
+  use test_random, only: collect_random
   use test_text, only: collect_text
   implicit none (type, external)
 
@@ -14,7 +16,9 @@ program main
   suites = [ &
            new_testsuite('text', collect_text), &
            new_testsuite('kernels', collect_kernels), &
-           new_testsuite('neighbour_list', collect_neighbour_list) &
+           new_testsuite('neighbour_list', collect_neighbour_list), &
+           new_testsuite('random', collect_random), &
+           new_testsuite('clouds', collect_clouds) &
            ]
 
   failures = 0
