@@ -13,6 +13,10 @@ program main
   use test_field_file, only: collect_field_file
   use test_heat, only: collect_heat
   use test_operators, only: collect_operators
+  use test_clouds, only: collect_clouds
+  use test_kernels, only: collect_kernels
+  use test_neighbour_list, only: collect_neighbour_list
+  use test_random, only: collect_random
   use test_text, only: collect_text
   use test_time, only: collect_time
   implicit none (type, external)
@@ -30,7 +34,11 @@ program main
            new_testsuite('cloud file', collect_cloud_file), &
            new_testsuite('operators', collect_operators), &
            new_testsuite('time', collect_time), &
-           new_testsuite('heat', collect_heat) &
+           new_testsuite('heat', collect_heat), &
+           new_testsuite('kernels', collect_kernels), &
+           new_testsuite('neighbour list', collect_neighbour_list), &
+           new_testsuite('random', collect_random), &
+           new_testsuite('clouds', collect_clouds) &
            ]
 
   ! The tests read damaged files, and put theirs into a folder of the build.
