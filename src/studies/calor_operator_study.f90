@@ -115,7 +115,8 @@ contains
     call make_gradient_scheme(name, scheme, error)
     if (allocated(error)) return
     associate (cloud => study%cloud)
-      call scheme%assemble(kernel, cloud%x, cloud%y, cloud%volume, radius, list, gradient_x, gradient_y)
+      call scheme%assemble(kernel, cloud%x, cloud%y, cloud%volume, radius, list, gradient_x, &
+                           gradient_y)
       derivative%name = 'gradient_'//name
       allocate (derivative%values(cloud%particles(), 2))
     end associate
