@@ -7,6 +7,8 @@
 !> all rows are known.
 submodule(calor_neighbour_list) calor_neighbour_search
   use calor_cell_list, only: cell_list_t, build_cell_list, counting_sort
+  use calor_huge_pages, only: prefer_huge_pages
+  use omp_lib, only: omp_get_max_threads
   implicit none (type, external)
 
   !> Rows that one thread searches in one go, and what it found
@@ -30,8 +32,10 @@ submodule(calor_neighbour_list) calor_neighbour_search
     real(wp), allocatable :: raw_x(:), raw_y(:)
   end type candidates_t
 
-  !> Rows per chunk: enough to make the administration cheap, few enough to share them out evenly
-  integer, parameter :: chunk_rows = 4096
+  !> Fewest rows that make a chunk worth its administration
+  integer, parameter :: least_rows = 1024
+  !> Chunks for each thread: enough to share the work out evenly
+  integer, parameter :: chunks_per_thread = 8
   !> Up to so many candidates, comparing each with each is faster than merging
   integer, parameter :: most_to_rank = 128
   !> Particles that are ranked at a time
@@ -55,7 +59,7 @@ contains
     type(chunk_t), allocatable :: chunks(:)
     integer(ip), allocatable :: octave_row(:), octave_first(:)
     integer(i8) :: place, length
-    integer :: chunk, chunks_done, octave, row, rows
+    integer :: chunk, chunk_rows, chunks_done, octave, row, rows
 
     rows = size(x)
     if (present(targets)) rows = size(targets)
@@ -67,12 +71,13 @@ contains
     if (present(targets)) list%target = targets
 
     call sort_by_octave(radius, rows, octave_first, octave_row)
+    chunk_rows = max(least_rows, rows/(chunks_per_thread*omp_get_max_threads()))
     allocate (chunks(rows/chunk_rows + size(octave_first)))
     chunks_done = 0
     do octave = 1, size(octave_first) - 1
       associate (from => octave_first(octave), to => octave_first(octave + 1) - 1)
         if (to < from) cycle
-        call search_octave(x, y, radius, list%target, octave_row(from:to), &
+        call search_octave(x, y, radius, list%target, octave_row(from:to), chunk_rows, &
                            .not. present(targets) .and. to - from + 1 == rows, &
                            list%first, chunks, chunks_done)
       end associate
@@ -86,6 +91,7 @@ contains
     end do
     list%first(rows + 1) = place
     allocate (list%index(place - 1))
+    call prefer_huge_pages(list%index)
     !$omp parallel do default(none) shared(chunks, chunks_done, list) schedule(dynamic)
     do chunk = 1, chunks_done
       call put_in_place(chunks(chunk), list%first, list%index)
@@ -140,12 +146,15 @@ contains
   end subroutine sort_by_octave
 
   !> Search for the neighbours of some rows of similar radius.
-  subroutine search_octave(x, y, radius, target, rows, everyone, length, chunks, chunks_done)
+  subroutine search_octave(x, y, radius, target, rows, chunk_rows, everyone, length, &
+                           chunks, chunks_done)
     real(wp), intent(in) :: x(:), y(:), radius(:)
     !> The particle of each row of the list
     integer(ip), intent(in) :: target(:)
     !> The rows to be searched
     integer(ip), intent(in) :: rows(:)
+    !> Rows per chunk
+    integer, intent(in) :: chunk_rows
     !> Whether these are all particles in their own order
     logical, intent(in) :: everyone
     !> Number of neighbours of each row of the list
@@ -160,8 +169,8 @@ contains
 
     call build_cell_list(x, y, cell_size(radius, rows), cells)
     if (everyone) then
-      call search_chunks(cells, x, y, radius, target, cells%first, cells%particle, length, &
-                         chunks, chunks_done)
+      call search_chunks(cells, x, y, radius, target, cells%first, cells%particle, chunk_rows, &
+                         length, chunks, chunks_done)
     else
       allocate (key(size(rows)))
       do k = 1, size(rows)
@@ -169,7 +178,8 @@ contains
       end do
       call counting_sort(key, cells%buckets, first, order)
       order = rows(order)
-      call search_chunks(cells, x, y, radius, target, first, order, length, chunks, chunks_done)
+      call search_chunks(cells, x, y, radius, target, first, order, chunk_rows, length, &
+                         chunks, chunks_done)
     end if
   end subroutine search_octave
 
@@ -199,13 +209,16 @@ contains
   end function cell_size
 
   !> Search for the neighbours of rows that are sorted by the buckets of their targets.
-  subroutine search_chunks(cells, x, y, radius, target, first, row, length, chunks, chunks_done)
+  subroutine search_chunks(cells, x, y, radius, target, first, row, chunk_rows, length, &
+                           chunks, chunks_done)
     type(cell_list_t), intent(in) :: cells
     real(wp), intent(in) :: x(:), y(:), radius(:)
     !> The particle of each row of the list
     integer(ip), intent(in) :: target(:)
     !> Where each bucket begins in `row`, and the rows
     integer(ip), intent(in) :: first(:), row(:)
+    !> Rows per chunk
+    integer, intent(in) :: chunk_rows
     !> Number of neighbours of each row of the list
     integer(i8), intent(inout) :: length(:)
     type(chunk_t), intent(inout) :: chunks(:)
@@ -214,7 +227,8 @@ contains
 
     chunks_new = (size(row) + chunk_rows - 1)/chunk_rows
     !$omp parallel do default(none) private(from, to) schedule(dynamic) &
-    !$omp shared(chunks_new, chunks_done, chunks, cells, x, y, radius, target, first, row, length)
+    !$omp shared(chunks_new, chunks_done, chunk_rows, chunks, cells, x, y, radius, target) &
+    !$omp shared(first, row, length)
     do chunk = 1, chunks_new
       from = (chunk - 1)*chunk_rows + 1
       to = min(chunk*chunk_rows, size(row))
@@ -241,7 +255,9 @@ contains
     integer :: k, last, particle, slot
 
     chunk%row = row(from:to)
-    allocate (chunk%found(32*size(chunk%row)))
+    ! Room for a usual number of neighbours. What is not used costs nothing.
+    allocate (chunk%found(32_i8*size(chunk%row)))
+    call prefer_huge_pages(chunk%found)
     found = 0
     last = from - 1
     do while (last < to)
