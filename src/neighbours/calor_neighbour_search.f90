@@ -11,6 +11,10 @@ submodule(calor_neighbour_list) calor_neighbour_search
   use omp_lib, only: omp_get_max_threads
   implicit none (type, external)
 
+  !> No radius is larger than 2 edges of a cell, so that at most 7 rows of cells are looked through,
+  !> each of them in at most 2 ranges of buckets
+  integer, parameter :: most_ranges = 14
+
   !> Rows that one thread searches in one go, and what it found
   type :: chunk_t
     !> The rows, cell after cell
@@ -23,6 +27,9 @@ submodule(calor_neighbour_list) calor_neighbour_search
   type :: candidates_t
     !> How many there are
     integer :: number = 0
+    !> Ranges of buckets that they were taken from
+    integer :: ranges = 0
+    integer(ip) :: from(most_ranges), to(most_ranges)
     !> Particle numbers
     integer(ip), allocatable :: particle(:)
     !> Coordinates, m
@@ -30,6 +37,10 @@ submodule(calor_neighbour_list) calor_neighbour_search
     !> The same as they come from the cells
     integer(ip), allocatable :: raw_particle(:)
     real(wp), allocatable :: raw_x(:), raw_y(:)
+    !> Particle number times 2³² plus place among the unsorted
+    integer(i8), allocatable :: key(:), spare(:)
+    !> Where ascending runs of keys begin, and one past the end
+    integer, allocatable :: run(:)
   end type candidates_t
 
   !> Fewest rows that make a chunk worth its administration
@@ -347,36 +358,71 @@ contains
     real(wp), intent(in) :: reach
     type(candidates_t), intent(inout) :: candidates
     integer(i8) :: from_column, row_of_cells, steps, to_column
-    integer(ip) :: from(2), place, to(2)
-    integer :: number, range, ranges
+    integer(ip) :: from(2), to(2)
+    integer :: range, ranges
 
     ! Columns and rows of two particles within reach differ by no more. The summand covers what
     ! rounding moves a particle on a grid of 2⁴⁰ columns.
     steps = 1 + int(min(reach*cells%per_length + 2.0_wp**(-11), 2.0_wp**41), i8)
     from_column = max(column - steps, 0_i8)
     to_column = min(column + steps, cells%columns - 1)
-    number = 0
+    candidates%number = 0
+    candidates%ranges = 0
     do row_of_cells = max(row - steps, 0_i8), min(row + steps, cells%rows - 1)
       call cells%bucket_ranges(from_column, to_column, row_of_cells, from, to, ranges)
       do range = 1, ranges
-        call reserve(candidates, number, &
-                     number + cells%first(to(range) + 1) - cells%first(from(range)))
-        do place = cells%first(from(range)), cells%first(to(range) + 1) - 1
-          number = number + 1
-          candidates%raw_particle(number) = cells%particle(place)
-          candidates%raw_x(number) = cells%x(place)
-          candidates%raw_y(number) = cells%y(place)
-        end do
+        if (cells%shared) then
+          call take_new_buckets(cells, from(range), to(range), candidates)
+        else
+          call take_buckets(cells, from(range), to(range), candidates)
+        end if
       end do
     end do
-    candidates%number = number
-    if (number <= most_to_rank .and. .not. cells%shared) then
-      call sort_by_ranking(number, candidates%raw_particle, candidates%raw_x, candidates%raw_y, &
-                           candidates%particle, candidates%x, candidates%y)
+    if (candidates%number <= most_to_rank) then
+      call sort_by_ranking(candidates%number, candidates%raw_particle, candidates%raw_x, &
+                           candidates%raw_y, candidates%particle, candidates%x, candidates%y)
     else
       call sort_by_merging(candidates)
     end if
   end subroutine gather_candidates
+
+  !> Append the particles of a range of buckets, unsorted.
+  pure subroutine take_buckets(cells, from, to, candidates)
+    type(cell_list_t), intent(in) :: cells
+    !> First and last bucket
+    integer(ip), intent(in) :: from, to
+    type(candidates_t), intent(inout) :: candidates
+    integer :: number, place
+
+    number = candidates%number
+    call reserve(candidates, number + cells%first(to + 1) - cells%first(from))
+    do place = cells%first(from), cells%first(to + 1) - 1
+      number = number + 1
+      candidates%raw_particle(number) = cells%particle(place)
+      candidates%raw_x(number) = cells%x(place)
+      candidates%raw_y(number) = cells%y(place)
+    end do
+    candidates%number = number
+  end subroutine take_buckets
+
+  !> Append the particles of those buckets of a range that were not in an earlier range.
+  pure subroutine take_new_buckets(cells, from, to, candidates)
+    type(cell_list_t), intent(in) :: cells
+    !> First and last bucket
+    integer(ip), intent(in) :: from, to
+    type(candidates_t), intent(inout) :: candidates
+    integer(ip) :: bucket
+
+    associate (ranges => candidates%ranges)
+      do bucket = from, to
+        if (any(bucket >= candidates%from(:ranges) .and. bucket <= candidates%to(:ranges))) cycle
+        call take_buckets(cells, bucket, bucket, candidates)
+      end do
+      ranges = ranges + 1
+      candidates%from(ranges) = from
+      candidates%to(ranges) = to
+    end associate
+  end subroutine take_new_buckets
 
   !> Sort a few different particles by counting for each how many have smaller numbers.
   pure subroutine sort_by_ranking(number, raw_particle, raw_x, raw_y, particle, x, y)
@@ -420,46 +466,28 @@ contains
     rank = count
   end subroutine rank_block
 
-  !> Sort any number of particles by merging ascending runs, and drop those that come twice.
+  !> Sort any number of particles by merging ascending runs.
   pure subroutine sort_by_merging(candidates)
     type(candidates_t), intent(inout) :: candidates
-    ! Particle number times 2³² plus place among the unsorted
-    integer(i8), allocatable :: key(:), spare(:)
-    integer, allocatable :: run(:)
-    integer(ip) :: before, this
-    integer :: k, number, place, runs
+    integer :: k, place, runs
 
-    associate (raw => candidates%raw_particle)
-      number = candidates%number
-      allocate (key(number), spare(number), run(number + 1))
-      runs = 0
-      before = huge(before)
-      do k = 1, number
-        if (raw(k) < before) then
-          runs = runs + 1
-          run(runs) = k
-        end if
-        before = raw(k)
-        key(k) = ior(ishft(int(before, i8), 32), int(k, i8))
-      end do
-    end associate
-    run(runs + 1) = number + 1
-    call merge_runs(key, spare, run, runs)
-
-    ! Rows of cells may share buckets, so that the same particles can come twice
-    number = 0
-    before = 0
+    runs = 1
+    candidates%run(1) = 1
     do k = 1, candidates%number
-      this = int(ishft(key(k), -32), ip)
-      if (this == before) cycle
-      before = this
-      number = number + 1
-      place = int(iand(key(k), 4294967295_i8))
-      candidates%particle(number) = this
-      candidates%x(number) = candidates%raw_x(place)
-      candidates%y(number) = candidates%raw_y(place)
+      candidates%key(k) = ior(ishft(int(candidates%raw_particle(k), i8), 32), int(k, i8))
+      if (k == 1) cycle
+      if (candidates%key(k) > candidates%key(k - 1)) cycle
+      runs = runs + 1
+      candidates%run(runs) = k
     end do
-    candidates%number = number
+    candidates%run(runs + 1) = candidates%number + 1
+    call merge_runs(candidates%key, candidates%spare, candidates%run, runs)
+    do k = 1, candidates%number
+      place = int(iand(candidates%key(k), 4294967295_i8))
+      candidates%particle(k) = int(ishft(candidates%key(k), -32), ip)
+      candidates%x(k) = candidates%raw_x(place)
+      candidates%y(k) = candidates%raw_y(place)
+    end do
   end subroutine sort_by_merging
 
   !> Merge neighbouring ascending runs until there is one.
@@ -557,11 +585,11 @@ contains
     call move_alloc(larger, found)
   end subroutine make_room
 
-  !> Make sure that so many candidates fit.
-  pure subroutine reserve(candidates, used, most)
+  !> Make sure that so many candidates fit, and keep those that are there unsorted.
+  pure subroutine reserve(candidates, most)
     type(candidates_t), intent(inout) :: candidates
-    !> How many there are and how many there will be
-    integer, intent(in) :: used, most
+    !> How many there will be
+    integer, intent(in) :: most
     type(candidates_t) :: larger
     integer :: size_new
 
@@ -571,10 +599,13 @@ contains
     size_new = max(2*most_to_rank, most + most/2)
     allocate (larger%particle(size_new), larger%x(size_new), larger%y(size_new))
     allocate (larger%raw_particle(size_new), larger%raw_x(size_new), larger%raw_y(size_new))
-    if (used > 0) then
-      larger%raw_particle(:used) = candidates%raw_particle(:used)
-      larger%raw_x(:used) = candidates%raw_x(:used)
-      larger%raw_y(:used) = candidates%raw_y(:used)
+    allocate (larger%key(size_new), larger%spare(size_new), larger%run(size_new + 1))
+    if (candidates%number > 0) then
+      associate (kept => candidates%number)
+        larger%raw_particle(:kept) = candidates%raw_particle(:kept)
+        larger%raw_x(:kept) = candidates%raw_x(:kept)
+        larger%raw_y(:kept) = candidates%raw_y(:kept)
+      end associate
     end if
     call move_alloc(larger%particle, candidates%particle)
     call move_alloc(larger%x, candidates%x)
@@ -582,6 +613,9 @@ contains
     call move_alloc(larger%raw_particle, candidates%raw_particle)
     call move_alloc(larger%raw_x, candidates%raw_x)
     call move_alloc(larger%raw_y, candidates%raw_y)
+    call move_alloc(larger%key, candidates%key)
+    call move_alloc(larger%spare, candidates%spare)
+    call move_alloc(larger%run, candidates%run)
   end subroutine reserve
 
   !> Copy what a chunk found to where it belongs in the list.
