@@ -1,14 +1,13 @@
-# The error of the heat problem against the spacing. Expects the variables data (the Markdown table of
-# the example error_table) and picture.
+# The error of the heat problem against the spacing. Expects the variables data (jitter, 1/Δ and the
+# errors of brookshaw and fatehi_manzari) and picture.
 
 set terminal pngcairo size 1400,1050 font 'DejaVu Sans,22' linewidth 2
 set output picture
 
-set datafile separator '|'
 set logscale xy
-set xrange [0.0105:0.24]
+set xrange [0.0108:0.105]
 set yrange [1e-4:0.4]
-set xtics ('1/80' 1.0/80, '1/40' 1.0/40, '1/20' 1.0/20, '1/10' 1.0/10)
+set xtics ('1/80' 1.0/80, '1/40' 1.0/40, '1/20' 1.0/20)
 set ytics nomirror out
 set xtics nomirror out
 set format y '10^{%T}'
@@ -23,16 +22,22 @@ usual = '#b2501e'
 paper = '#21708e'
 
 # What second order looks like
-set object polygon from 0.0155,3e-3 to 0.031,1.2e-2 to 0.031,3e-3 to 0.0155,3e-3 \
+set object polygon from 0.0145,2e-3 to 0.0261,6.48e-3 to 0.0261,2e-3 to 0.0145,2e-3 \
   fillstyle empty border linecolor '#666666' linewidth 1
-set label '1' at 0.0215,2.5e-3 center textcolor rgb '#666666'
-set label '2' at 0.0325,6e-3 left textcolor rgb '#666666'
+set label '1' at 0.0195,1.72e-3 center textcolor rgb '#666666'
+set label '2' at 0.0269,3.6e-3 left textcolor rgb '#666666'
 
-set label "brookshaw,\nirregular cloud" at 0.108,1.16e-1 left textcolor rgb usual
-set label "brookshaw,\nlattice" at 0.108,4.3e-2 left textcolor rgb usual
-set label "fatehi\\_manzari,\nirregular cloud\nand lattice" at 0.108,1.75e-2 left textcolor rgb paper
+# Names stand beside the points of the coarsest cloud.
+beside(n) = n == 20 ? 0.054 : NaN
+cloud(jitter) = sprintf("<awk '$1 == %s' %s", jitter, data)
+lattice = cloud('0')
+irregular = cloud('0.2')
 
-plot data using (1/$2):5 with linespoints linecolor rgb usual pointtype 7 pointsize 2, \
-  data using (1/$2):3 with linespoints linecolor rgb usual dashtype 2 pointtype 6 pointsize 2, \
-  data using (1/$2):6 with linespoints linecolor rgb paper pointtype 7 pointsize 2, \
-  data using (1/$2):4 with linespoints linecolor rgb paper dashtype 2 pointtype 6 pointsize 3
+plot irregular using (1/$2):3 with linespoints linecolor rgb usual pointtype 7 pointsize 2, \
+  lattice using (1/$2):3 with linespoints linecolor rgb usual dashtype 2 pointtype 6 pointsize 2, \
+  irregular using (1/$2):4 with linespoints linecolor rgb paper pointtype 7 pointsize 2, \
+  lattice using (1/$2):4 with linespoints linecolor rgb paper dashtype 2 pointtype 6 pointsize 3, \
+  irregular using (beside($2)):3:("brookshaw,\nirregular cloud") with labels left textcolor rgb usual, \
+  lattice using (beside($2)):3:("brookshaw,\nlattice") with labels left textcolor rgb usual, \
+  lattice using (beside($2)):4:("fatehi_manzari,\nirregular cloud\nand lattice") with labels left \
+    noenhanced textcolor rgb paper
