@@ -7,7 +7,7 @@
 
 .DEFAULT_GOAL := build
 .NOTPARALLEL:
-.PHONY: help build run test test-checked examples lint format pictures \
+.PHONY: help build run test test-checked examples lint format pictures documents \
   set-up clean distclean
 SHELL := /bin/bash
 
@@ -66,6 +66,9 @@ format: ## indent the sources as `make lint` wants them
 
 pictures: examples ## draw the pictures of the documentation anew
 	@tools/pictures.sh $(EXAMPLES) docs/pictures
+
+documents: build examples ## make anew what the documents quote from the programs
+	@tools/documents.sh
 
 set-up: ## install what is missing, build nothing
 	@tools/set_up.sh
