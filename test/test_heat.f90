@@ -342,8 +342,8 @@ contains
     call expect_refusal(square//held//'&time end = 1 / &source power = 1 /', '&source', error)
     if (allocated(error)) return
     call expect_refusal('&domain shape = ''rectangle'' x_range = 0, 1 y_range = 0, 1 '// &
-                        'spacing = 1 / '//held//'&time end = 1 / &scheme support_growth = .false. /', &
-                        'lower &domain spacing', error)
+                        'spacing = 1 / '//held//'&time end = 1 / '// &
+                        '&scheme support_growth = .false. /', 'lower &domain spacing', error)
   end subroutine test_refusals
 
   !> Reading or preparing the scene fails as wrong input, in words that hold a given text.

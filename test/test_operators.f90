@@ -224,8 +224,8 @@ contains
     type(row_report_t) :: report
     real(wp), allocatable :: field(:), found(:)
     real(wp), parameter :: coefficients(3, 4) = reshape( &
-                           [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, &
-                            0.7_wp, -1.3_wp, 2.1_wp], [3, 4])
+                           [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
+                            1.0_wp, 0.7_wp, -1.3_wp, 2.1_wp], [3, 4])
     integer :: k, m
 
     do k = 1, 6

@@ -1,5 +1,6 @@
 !> The heat driver: a scene becomes a cloud, the cloud an operator, the operator is stepped in time.
 module calor_simulation
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use calor_cloud, only: cloud_t
   use calor_conduction, only: conduction_t
   use calor_error, only: error_t, raise, status_bad_input
@@ -305,7 +306,7 @@ contains
     integer :: k
 
     do k = 1, size(values)
-      if (abs(values(k)) <= huge(1.0_wp)) cycle
+      if (ieee_is_finite(values(k))) cycle
       call raise(error, status_bad_input, place//': the expression '''//expression// &
                  ''' gives no number at ('//to_text(x(k), digits=6)//', '// &
                  to_text(y(k), digits=6)//').')
