@@ -36,7 +36,7 @@ renewed() {
       kind=${BASH_REMATCH[1]}
       printf '%s\n' "$line"
       if [[ $kind == table ]]; then printf '\n'; else printf '```text\n'; fi
-      quotation "${BASH_REMATCH[2]}" </dev/null
+      quotation "${BASH_REMATCH[2]}" </dev/null || return 1
       if [[ $kind == table ]]; then printf '\n'; else printf '```\n'; fi
       inside=1
     elif [[ $line == '<!-- end -->' ]]; then
@@ -55,13 +55,13 @@ renewed() {
 status=0
 for document in README.md docs/*.md; do
   if [[ ${1:-} == --check ]]; then
-    text=$(renewed "$document" text; printf x)
+    text=$(renewed "$document" text && printf x) || exit 1
     if ! diff "$document" - <<<"${text%$'\n'x}" >&2; then
       echo "$document quotes what the program no longer says: run make documents" >&2
       status=1
     fi
   else
-    text=$(renewed "$document" 'text|sample|table'; printf x)
+    text=$(renewed "$document" 'text|sample|table' && printf x) || exit 1
     if ! cmp --silent "$document" - < <(printf '%s' "${text%x}"); then
       printf '%s' "${text%x}" >"$document"
       echo "renewed $document"
