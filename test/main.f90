@@ -6,6 +6,7 @@ program main
   use, intrinsic :: iso_fortran_env, only: error_unit
   use calor_hdf5, only: skip_hdf5_cleanup
   use testdrive, only: run_testsuite, new_testsuite, testsuite_type, select_suite, run_selected
+  use test_documents, only: collect_documents
   use test_expression, only: collect_expression
   use test_scene_contract, only: collect_scene_contract
   use test_scene_file, only: collect_scene_file
@@ -38,7 +39,8 @@ program main
            new_testsuite('kernels', collect_kernels), &
            new_testsuite('neighbour list', collect_neighbour_list), &
            new_testsuite('random', collect_random), &
-           new_testsuite('clouds', collect_clouds) &
+           new_testsuite('clouds', collect_clouds), &
+           new_testsuite('documents', collect_documents) &
            ]
 
   ! The tests read damaged files, and put theirs into a folder of the build.
