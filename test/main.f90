@@ -18,6 +18,7 @@ program main
   use test_kernels, only: collect_kernels
   use test_neighbour_list, only: collect_neighbour_list
   use test_random, only: collect_random
+  use test_stable_rows, only: collect_stable_rows
   use test_text, only: collect_text
   use test_time, only: collect_time
   implicit none (type, external)
@@ -35,6 +36,7 @@ program main
            new_testsuite('cloud file', collect_cloud_file), &
            new_testsuite('operators', collect_operators), &
            new_testsuite('time', collect_time), &
+           new_testsuite('stable rows', collect_stable_rows), &
            new_testsuite('heat', collect_heat), &
            new_testsuite('kernels', collect_kernels), &
            new_testsuite('neighbour list', collect_neighbour_list), &
