@@ -81,8 +81,12 @@ contains
     allocate (repairs%repair(size(targets)), source=as_written)
     call build_neighbour_list(x, y, radius(targets), list, targets)
     call scheme%assemble(kernel, x, y, volume, radius, list, laplacian, report)
-    ! Only a scheme that is exact for quadratics gets better as its support grows.
     if (scheme%exact_degree() < 2) then
+      call surround(x, y, radius, list, repairs%repair)
+      if (any(repairs%repair == support_grown)) then
+        call build_neighbour_list(x, y, radius(targets), list, targets)
+        call scheme%assemble(kernel, x, y, volume, radius, list, laplacian, report)
+      end if
       call measure_rows(laplacian, x, y, radius, scheme%exact_degree(), repairs%quality)
       return
     end if
@@ -116,6 +120,64 @@ contains
     end if
     call measure_rows(laplacian, x, y, radius, 2, repairs%quality)
   end subroutine assemble_stable_rows
+
+  !> Grow the supports of particles until their neighbours surround them.
+  subroutine surround(x, y, radius, first_list, repair)
+    real(wp), intent(in) :: x(:), y(:)
+    real(wp), intent(inout) :: radius(:)
+    !> Neighbours before any growth
+    type(neighbour_list_t), intent(in) :: first_list
+    !> Becomes `support_grown` where that was so
+    integer, intent(inout) :: repair(:)
+    type(neighbour_list_t) :: list
+    integer(ip), allocatable :: rows(:), candidates(:)
+    logical, allocatable :: alone(:)
+    integer :: k, time
+
+    rows = [(int(k, ip), k=1, first_list%rows())]
+    list = first_list
+    do time = 0, most_times
+      allocate (alone(list%rows()))
+      !$omp parallel do schedule(static) default(shared) private(k)
+      do k = 1, list%rows()
+        associate (neighbour => list%index(list%first(k):list%first(k + 1) - 1), &
+                   i => list%target(k))
+          ! A radius that reaches every particle can do no more.
+          alone(k) = size(neighbour) < size(x) - 1 .and. &
+                     .not. surrounded(x(neighbour) - x(i), y(neighbour) - y(i))
+        end associate
+      end do
+      !$omp end parallel do
+      rows = pack(rows, alone)
+      deallocate (alone)
+      if (size(rows) == 0 .or. time == most_times) return
+      repair(rows) = support_grown
+      candidates = first_list%target(rows)
+      radius(candidates) = growth*radius(candidates)
+      call build_neighbour_list(x, y, radius(candidates), list, candidates)
+    end do
+  end subroutine surround
+
+  !> Whether no straight line through the origin has all points on one side of it.
+  pure function surrounded(dx, dy) result(answer)
+    real(wp), intent(in) :: dx(:), dy(:)
+    logical :: answer
+    logical :: quadrant(4)
+    integer :: k
+
+    ! The usual case, and the cheap one
+    quadrant = [any(dx > 0 .and. dy >= 0), any(dx <= 0 .and. dy > 0), any(dx < 0 .and. dy <= 0), &
+                any(dx >= 0 .and. dy < 0)]
+    answer = all(quadrant)
+    if (answer .or. size(dx) < 3) return
+    ! Along each neighbour's direction there must be others on the left and on the right, or it is
+    ! an outermost one; two opposite ones alone do not surround.
+    do k = 1, size(dx)
+      if (.not. any(dx(k)*dy - dy(k)*dx > 0)) return
+      if (.not. any(dx(k)*dy - dy(k)*dx < 0)) return
+    end do
+    answer = .true.
+  end function surrounded
 
   elemental function is_poor(ratio, residual, stiffness, allowed_residual) result(poor)
     real(wp), intent(in) :: ratio, residual, stiffness, allowed_residual
