@@ -3,9 +3,9 @@
 !> An eigenvalue to the right of the imaginary axis makes the heat equation blow up, whatever the
 !> step. Small systems are solved densely by LAPACK. For large ones plain Arnoldi would find the far
 !> left end of the spectrum; so ARPACK is given a Chebyshev polynomial of the Jacobian that is small
-!> on the interval of fast decay, or on an ellipse about it, and grows towards and beyond zero, where
-!> the slow and unstable modes are. It is larger at every unstable eigenvalue than at zero: when the
-!> search for its largest values has come down to that, no unstable eigenvalue is left.
+!> on the interval of fast decay, or on an ellipse about it, and grows towards and beyond zero,
+!> where the slow and unstable modes are. At every unstable eigenvalue it is larger than at zero:
+!> when the search for its largest values has come down to that, no unstable eigenvalue is left.
 !>
 !> Source: Y. Saad, Chebyshev acceleration techniques for solving nonsymmetric eigenvalue problems,
 !> Math. Comput. 42 (1984) 567–588.
