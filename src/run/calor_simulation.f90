@@ -543,7 +543,7 @@ contains
   subroutine choose_steps(this, error)
     class(simulation_t), intent(inout) :: this
     type(error_t), allocatable, intent(out) :: error
-    real(wp) :: scale
+    real(wp) :: scale, step
 
     associate (time => this%scene%time, stepper => this%stepper)
       call make_integrator(time%method, stepper%integrator, error)
@@ -557,6 +557,9 @@ contains
           stepper%integrator%longest_monotone_step(this%conduction%fastest_decay())
       end if
       if (time%step > 0) then
+        step = time%step
+        call stepper%integrator%shorten_step(this%conduction, stepper%spectral_radius, step)
+        if (step < time%step) this%stability_limit = min(this%stability_limit, step)
         if (time%step > this%stability_limit) then
           call raise(error, status_bad_input, '&time step = '//to_text(time%step)// &
                      ' s is beyond the stability limit of '//time%method//' on this cloud, '// &

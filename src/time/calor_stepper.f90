@@ -71,6 +71,7 @@ contains
     if (.not. this%proposed > 0) call this%propose_first(evolution, time, u)
     do while (time < end_time)
       step = min(this%proposed, this%longest_step)
+      call this%integrator%shorten_step(evolution, this%spectral_radius, step)
       ! Steps of equal length to the end, rather than a tiny last one
       step = (end_time - time)/max(1.0_wp, aint((end_time - time)/step + 0.9999_wp))
       if (.not. time + step > time) then
