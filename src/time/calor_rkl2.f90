@@ -3,10 +3,10 @@
 !> With s stages it is stable for |λ| Δt ≤ (s² + s - 2)/2, so its reach grows with the square of the
 !> work: it takes as many stages as a step needs.
 !>
-!> The more stages, the less may eigenvalues lie off the real axis: with 301 stages an imaginary part
-!> of 0.2 % of the spectral radius is amplified a million times in one step, and irregular clouds
-!> have up to 8 %. So before a step takes more stages than any before it, a few such steps of the
-!> linear problem are tried out on a vector of random numbers.
+!> The more stages, the less may eigenvalues lie off the real axis: with 301 stages an imaginary
+!> part of 0.2 % of the spectral radius is amplified a million times in one step, and irregular
+!> clouds have up to 8 %. So before a step takes more stages than any before it, a few such steps of
+!> the linear problem are tried out on a vector of random numbers.
 !>
 !> Source: C.D. Meyer, D.S. Balsara, T.D. Aslam, J. Comput. Phys. 257 (2014) 594–626, equations
 !> (15)–(19).
@@ -148,7 +148,7 @@ contains
       end do
       v = newer
       before = root_mean_square(v)
-      ! Beyond that nothing but an unstable mode is left: stable ones of a usual cloud stay below 100.
+      ! More than that would amplify rounding errors, whatever becomes of it later.
       if (before > 1.0e4_wp) exit
     end do
     is_stable = before <= 1
