@@ -29,7 +29,7 @@ module calor
   use calor_row_report, only: row_report_t
   use calor_scene, only: scene_t
   use calor_scene_contract, only: contract_help
-  use calor_scene_reader, only: read_scene
+  use calor_scene_reader, only: read_scene, interpret_scene
   use calor_simulation, only: simulation_t, observer_t
   use calor_space_filling_curve, only: hilbert_order
   use calor_sparse_operator, only: sparse_operator_t
