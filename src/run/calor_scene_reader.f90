@@ -116,7 +116,7 @@ contains
 
     call file%group('domain', group)
     associate (domain => scene%domain)
-      call get_choice(group, 'shape', shape_choices, domain%shape, error)
+      call get_choice(group, 'shape', shape_choices, domain%shape, error, default='rectangle')
       if (allocated(error)) return
       domain%arrangement = 'lattice'
       domain%file = ''
@@ -224,10 +224,11 @@ contains
     do k = 1, size(scene%boundaries)
       call file%group('boundary', group, k)
       associate (boundary => scene%boundaries(k))
-        call get(group, 'on', boundary%on, error, not_blank=.true.)
+        call get(group, 'on', boundary%on, error, default='all', not_blank=.true.)
         if (allocated(error)) return
         boundary%place = place_of(group, 'on')
-        call get_choice(group, 'kind', boundary_choices, boundary%kind, error)
+        call get_choice(group, 'kind', boundary_choices, boundary%kind, error, &
+                        default='temperature')
         if (allocated(error)) return
         call optional_expression(group, 'value_expression', boundary%value_expression, error)
         if (allocated(error)) return
