@@ -31,7 +31,7 @@ program laplacian_of_a_field
     if (allocated(error)) error stop error%message
     call scheme%assemble(kernel, cloud%x, cloud%y, cloud%volume, support, neighbours, laplacian)
     call laplacian%apply(field, found)
-    print '(a,t28,a,f9.4)', trim(laplacian_choices(k)%name), 'relative L2 error inside', error_inside()
+    print '(a,t28,a,f9.4)', trim(laplacian_choices(k)%name), 'relative L2 error', error_inside()
   end do
 
 contains
