@@ -6,7 +6,7 @@ program main
   use calor, only: error_t, text_t, to_text, suggestion, choice_t, choice_names, version, scene_t, &
                    read_scene, simulation_t, operator_study_t, describe_plan, describe_result, &
                    describe_derivatives, write_new_scene, contract_help, raise, status_done, &
-                   status_bad_input
+                   status_bad_input, skip_hdf5_cleanup, ignore_file_size_signal
   use run_progress, only: run_progress_t
   implicit none (type, external)
 
@@ -30,6 +30,9 @@ program main
   type(error_t), allocatable :: error
   integer :: status
 
+  ! A full disk shall end in a message of ours, neither in HDF5's own nor in a signal.
+  call skip_hdf5_cleanup()
+  call ignore_file_size_signal()
   call dispatch(error)
   status = status_done
   if (allocated(error)) then

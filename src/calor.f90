@@ -1,6 +1,6 @@
 !> The public face of the library: `use calor` gives an application all it needs.
 module calor
-  use calor_arrangements, only: arrangement_choices, make_rectangle
+  use calor_arrangements, only: arrangement_choices
   use calor_choice, only: choice_t, choice_names
   use calor_cloud, only: cloud_t
   use calor_cloud_check, only: check_cloud
@@ -12,8 +12,10 @@ module calor
   use calor_evolution, only: evolution_t
   use calor_expression, only: expression_t, compile_expression
   use calor_field_file, only: field_file_t
+  use calor_file_system, only: ignore_file_size_signal
   use calor_gradient_scheme, only: gradient_scheme_t
   use calor_gradient_schemes, only: gradient_choices, make_gradient_scheme
+  use calor_hdf5, only: skip_hdf5_cleanup
   use calor_integrator, only: integrator_t
   use calor_integrators, only: integrator_choices, make_integrator
   use calor_kernel, only: kernel_t
@@ -25,6 +27,7 @@ module calor
   use calor_new_scene, only: write_new_scene
   use calor_operator_description, only: describe_derivatives
   use calor_operator_study, only: operator_study_t, derivative_t
+  use calor_rectangle_cloud, only: make_rectangle
   use calor_renormalization, only: gradient_tensor, laplacian_tensor
   use calor_row_report, only: row_report_t
   use calor_scene, only: scene_t

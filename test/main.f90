@@ -4,13 +4,19 @@
 !> thread-safe, tests measure, and a parallel loop inside a test should get its threads.
 program main
   use, intrinsic :: iso_fortran_env, only: error_unit
+  use calor_hdf5, only: skip_hdf5_cleanup
   use testdrive, only: run_testsuite, new_testsuite, testsuite_type, select_suite, run_selected
   use test_expression, only: collect_expression
   use test_scene_contract, only: collect_scene_contract
   use test_scene_file, only: collect_scene_file
+  use test_cloud_file, only: collect_cloud_file
   use test_field_file, only: collect_field_file
   use test_heat, only: collect_heat
   use test_operators, only: collect_operators
+  use test_clouds, only: collect_clouds
+  use test_kernels, only: collect_kernels
+  use test_neighbour_list, only: collect_neighbour_list
+  use test_random, only: collect_random
   use test_text, only: collect_text
   use test_time, only: collect_time
   implicit none (type, external)
@@ -25,11 +31,19 @@ program main
            new_testsuite('scene file', collect_scene_file), &
            new_testsuite('scene contract', collect_scene_contract), &
            new_testsuite('field file', collect_field_file), &
+           new_testsuite('cloud file', collect_cloud_file), &
            new_testsuite('operators', collect_operators), &
            new_testsuite('time', collect_time), &
-           new_testsuite('heat', collect_heat) &
+           new_testsuite('heat', collect_heat), &
+           new_testsuite('kernels', collect_kernels), &
+           new_testsuite('neighbour list', collect_neighbour_list), &
+           new_testsuite('random', collect_random), &
+           new_testsuite('clouds', collect_clouds) &
            ]
 
+  ! The tests read damaged files, and put theirs into a folder of the build.
+  call skip_hdf5_cleanup()
+  call execute_command_line('mkdir -p build/test')
   failures = 0
   suite_name = argument(1)
   test_name = argument(2)

@@ -1,6 +1,6 @@
 !> What several test modules need: clouds ready for operators, and reference tables.
 module test_support
-  use calor_arrangements, only: make_rectangle
+  use calor_rectangle_cloud, only: make_rectangle
   use calor_cloud, only: cloud_t
   use calor_error, only: error_t
   use calor_gradient_scheme, only: gradient_scheme_t

@@ -3,11 +3,12 @@ module calor_hdf5
   use, intrinsic :: iso_c_binding, only: c_ptr, c_funptr, c_int, c_int64_t, c_null_ptr, &
                                          c_null_funptr, c_loc, c_funloc, c_f_pointer
   use calor_c_text, only: from_c
-  use hdf5, only: hid_t, h5open_f, h5iis_valid_f, h5p_default_f, h5t_native_integer
+  use hdf5, only: hid_t, h5dont_atexit_f, h5open_f, h5iis_valid_f, &
+                  h5p_default_f, h5t_native_integer
   implicit none (type, external)
   private
 
-  public :: start_hdf5, hdf5_silence_t, hdf5_reason, hdf5_descriptor
+  public :: start_hdf5, skip_hdf5_cleanup, hdf5_silence_t, hdf5_reason, hdf5_descriptor
 
   !> HDF5's number for the error stack of the running thread
   integer(c_int64_t), parameter :: default_stack = 0_c_int64_t
@@ -98,6 +99,18 @@ contains
     if (status >= 0 .and. open) return
     call h5open_f(status)
   end subroutine start_hdf5
+
+  !> Keep HDF5 from cleaning up at the end of the program.
+  !>
+  !> After it has met a damaged file or a failed write, its clean-up may print or crash. A main
+  !> program that closes its files itself calls this once, before HDF5 is used for the first time.
+  !> No library procedure does, since a host program may rely on the clean-up.
+  subroutine skip_hdf5_cleanup()
+    integer :: status
+
+    ! It fails if HDF5 is in use already; then all stays as it is.
+    call h5dont_atexit_f(status)
+  end subroutine skip_hdf5_cleanup
 
   subroutine begin_silence(this)
     class(hdf5_silence_t), intent(out) :: this

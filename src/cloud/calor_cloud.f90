@@ -1,11 +1,12 @@
 !> The particle cloud: places, volumes and the walls.
 module calor_cloud
+  use calor_error, only: error_t, raise, status_bad_input
   use calor_kinds, only: wp, ip
-  use calor_text, only: text_t
+  use calor_text, only: text_t, to_text
   implicit none (type, external)
   private
 
-  public :: cloud_t
+  public :: cloud_t, allocate_cloud
 
   !> Particles in two dimensions
   type :: cloud_t
@@ -29,6 +30,35 @@ module calor_cloud
   end type cloud_t
 
 contains
+
+  !> Make room for a number of particles, all of them inside and in the user's order.
+  !>
+  !> Coordinates and volumes are left undefined.
+  subroutine allocate_cloud(cloud, particles, error)
+    !> The cloud
+    type(cloud_t), intent(out) :: cloud
+    !> How many particles
+    integer, intent(in) :: particles
+    !> There is not enough memory
+    type(error_t), allocatable, intent(out) :: error
+    integer :: failed, k
+
+    allocate (cloud%x(particles), stat=failed)
+    if (failed == 0) allocate (cloud%y(particles), stat=failed)
+    if (failed == 0) allocate (cloud%volume(particles), stat=failed)
+    if (failed == 0) allocate (cloud%side(particles), stat=failed)
+    if (failed == 0) allocate (cloud%user_index(particles), stat=failed)
+    if (failed /= 0) then
+      call raise(error, status_bad_input, 'There is not enough memory for '//to_text(particles)// &
+                 ' particles. A larger spacing gives fewer.')
+      return
+    end if
+    allocate (cloud%boundary(0))
+    cloud%side = 0
+    do k = 1, particles
+      cloud%user_index(k) = k
+    end do
+  end subroutine allocate_cloud
 
   pure function particles(this) result(number)
     class(cloud_t), intent(in) :: this

@@ -31,8 +31,9 @@ module calor_cloud_file
   integer, parameter :: is_number = 0, is_not_number = 1, is_not_finite = 2
 
   !> How a cloud may be given, for messages
-  character(len=*), parameter :: remedy = 'A cloud is a CSV file whose first line names its '// &
-                                 'columns, as in x,y,volume,wall, or a VTKHDF file that calor wrote.'
+  character(len=*), parameter :: remedy = 'A cloud is a CSV file whose first line names '// &
+                                 'its columns, as in x,y,volume,wall, or a VTKHDF file that '// &
+                                 'calor wrote.'
 
   character(len=*), parameter :: line_feed = achar(10), carriage_return = achar(13), &
                                  tabulator = achar(9)
@@ -112,7 +113,8 @@ contains
     integer :: what
 
     if (path == '') then
-      call raise(error, status_bad_input, 'The cloud''s file has no name: give one in &domain file.')
+      call raise(error, status_bad_input, &
+                 'The cloud''s file has no name: give one in &domain file.')
       return
     end if
     call look_at_path(path, what, reason)
@@ -355,8 +357,8 @@ contains
     if (any(meaning == column_x) .and. any(meaning == column_y)) return
     call to_number(names(1)%value, number, what)
     if (what == is_number) then
-      call raise(error, status_bad_input, place//'numbers where the names of the columns should '// &
-                 'be: put a line such as x,y or x,y,volume,wall before them.')
+      call raise(error, status_bad_input, place//'numbers where the names of the columns '// &
+                 'should be: put a line such as x,y or x,y,volume,wall before them.')
     else if (columns == 1 .and. scan(text, '; '//tabulator) > 0) then
       call raise(error, status_bad_input, place//'the names of the columns must be parted by '// &
                  'commas, as in x,y,volume,wall, and so must the numbers.')
@@ -394,7 +396,8 @@ contains
         ! A line that is too short or too long is the likelier cause of a value in a wrong place.
         if (count_values(text) == size(meaning)) then
           call raise(error, status_bad_input, place_of(path, line)//'column '''// &
-                     names(column)%value//''': '//complaint(text(first:last), what, meaning(column)))
+                     names(column)%value//''': '// &
+                     complaint(text(first:last), what, meaning(column)))
           return
         end if
       end if

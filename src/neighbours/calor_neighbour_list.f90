@@ -1,10 +1,10 @@
 !> Neighbour lists in first/index form.
 module calor_neighbour_list
-  use calor_kinds, only: ip, i8
+  use calor_kinds, only: wp, ip, i8
   implicit none (type, external)
   private
 
-  public :: neighbour_list_t
+  public :: neighbour_list_t, build_neighbour_list
 
   !> For each row, the particles within its target particle's search radius.
   !>
@@ -23,6 +23,40 @@ module calor_neighbour_list
     !> The largest number of neighbours that a row has
     procedure :: longest_row
   end type neighbour_list_t
+
+  !> Find the neighbours of all particles, or of some.
+  !>
+  !> `call build_neighbour_list(x, y, radius, list)` with one radius for all, or with one for each
+  !> row; with `targets`, only those particles get a row (their neighbours may be any particles).
+  !> Particle j is listed for target i where |r_i - r_j|² < radius², so one radius for all gives
+  !> symmetric lists, and particles at the same place are neighbours. A radius of zero or less
+  !> finds none. Time and memory are O(N + neighbours) for every arrangement of particles, and the
+  !> result does not depend on the number of threads. Coordinates have to be finite.
+  interface build_neighbour_list
+    module subroutine build_with_one_radius(x, y, radius, list, targets)
+      implicit none (type, external)
+      !> Coordinates of all particles, m
+      real(wp), intent(in) :: x(:), y(:)
+      !> Search radius of every target, m
+      real(wp), intent(in) :: radius
+      !> One row for each target
+      type(neighbour_list_t), intent(out) :: list
+      !> The particles that get a row, in the order of the rows; without it all
+      integer(ip), intent(in), optional :: targets(:)
+    end subroutine build_with_one_radius
+
+    module subroutine build_with_radii(x, y, radius, list, targets)
+      implicit none (type, external)
+      !> Coordinates of all particles, m
+      real(wp), intent(in) :: x(:), y(:)
+      !> Search radius of each row's target, m; as many as there are rows
+      real(wp), intent(in) :: radius(:)
+      !> One row for each target
+      type(neighbour_list_t), intent(out) :: list
+      !> The particles that get a row, in the order of the rows; without it all
+      integer(ip), intent(in), optional :: targets(:)
+    end subroutine build_with_radii
+  end interface build_neighbour_list
 
 contains
 

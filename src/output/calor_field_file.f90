@@ -581,6 +581,9 @@ contains
     case (path_folder)
       call raise(error, status_bad_file, 'The output file '''//path// &
                  ''' cannot be written: there is a folder of that name: change &output file.')
+    case (path_unreachable)
+      call raise(error, status_bad_file, 'The output file '''//path// &
+                 ''' cannot be written ('//reason//'): change &output file.')
     case default
       call raise(error, status_bad_file, 'The output file '''//path// &
                  ''' cannot be written: what is there is not a regular file: change &output file.')

@@ -1,6 +1,6 @@
 !> From a scene to its cloud.
 module calor_scene_cloud
-  use calor_arrangements, only: make_rectangle
+  use calor_rectangle_cloud, only: make_rectangle
   use calor_cloud, only: cloud_t
   use calor_cloud_check, only: check_cloud
   use calor_cloud_file, only: read_cloud_file

@@ -1,7 +1,7 @@
 !> The spectral radius of an evolution's Jacobian, which limits explicit steps.
 module calor_spectral_radius
   use calor_evolution, only: evolution_t
-  use calor_kinds, only: wp
+  use calor_kinds, only: wp, i8
   use calor_random, only: random_uniform
   use calor_sums, only: root_mean_square
   implicit none (type, external)
@@ -33,7 +33,7 @@ contains
 
     allocate (v(evolution%unknowns()), product(evolution%unknowns()))
     do k = 1, size(v)
-      v(k) = random_uniform(1, k) - 0.5_wp
+      v(k) = random_uniform(1, int(k, i8)) - 0.5_wp
     end do
     call evolution%clear_prescribed(v)
     radius = 0

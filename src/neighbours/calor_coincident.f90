@@ -1,0 +1,63 @@
+!> Particles that lie at the same place.
+module calor_coincident
+  use calor_cell_list, only: cell_list_t, build_cell_list
+  use calor_kinds, only: wp, ip, i8
+  implicit none (type, external)
+  private
+
+  public :: find_coincident
+
+contains
+
+  !> Find the first particle that has another one at its place, and the first such other one.
+  !>
+  !> Takes O(N) time and memory. Coordinates have to be finite.
+  subroutine find_coincident(x, y, first, second, tolerance)
+    !> Coordinates, m
+    real(wp), intent(in) :: x(:), y(:)
+    !> The lower and the higher number of the pair; 0 if there is none
+    integer(ip), intent(out) :: first, second
+    !> Distance up to which two places count as the same, m; without it they have to be equal
+    real(wp), intent(in), optional :: tolerance
+    type(cell_list_t) :: cells
+    real(wp) :: reach
+
+    first = 0
+    second = 0
+    reach = 0
+    if (present(tolerance)) reach = tolerance
+    call build_cell_list(x, y, reach, cells)
+    do first = 1, size(x, kind=ip) - 1
+      call find_partner(cells, first, x(first), y(first), reach, second)
+      if (second > 0) return
+    end do
+    first = 0
+  end subroutine find_coincident
+
+  !> The lowest number above `particle` within a distance, or 0.
+  pure subroutine find_partner(cells, particle, x, y, reach, partner)
+    type(cell_list_t), intent(in) :: cells
+    integer(ip), intent(in) :: particle
+    real(wp), intent(in) :: x, y, reach
+    integer(ip), intent(out) :: partner
+    integer(ip) :: from(2), place, to(2)
+    integer(i8) :: row
+    integer :: range, ranges
+
+    partner = 0
+    do row = cells%row(y - reach), cells%row(y + reach)
+      call cells%bucket_ranges(cells%column(x - reach), cells%column(x + reach), row, &
+                               from, to, ranges)
+      do range = 1, ranges
+        do place = cells%first(from(range)), cells%first(to(range) + 1) - 1
+          if (cells%particle(place) <= particle) cycle
+          if (partner > 0 .and. cells%particle(place) >= partner) cycle
+          if (abs(cells%x(place) - x) > reach .or. abs(cells%y(place) - y) > reach) cycle
+          if (hypot(cells%x(place) - x, cells%y(place) - y) > reach) cycle
+          partner = cells%particle(place)
+        end do
+      end do
+    end do
+  end subroutine find_partner
+
+end module calor_coincident

@@ -1,0 +1,144 @@
+!> An order of particles in which neighbours in the plane are near each other in memory.
+module calor_space_filling_curve
+  use calor_kinds, only: wp, ip, i8
+  implicit none (type, external)
+  private
+
+  public :: hilbert_order
+
+  !> Levels of the curve: the finest squares have 2⁻³⁰ of the extent
+  integer, parameter :: levels = 30
+  !> Bits of a key that one pass of the sort looks at, and how many passes there are
+  integer, parameter :: digit_bits = 12
+  integer, parameter :: passes = 2*levels/digit_bits
+  integer, parameter :: last_digit = 2**digit_bits - 1
+
+contains
+
+  !> The order of particles along a Hilbert curve through the square around them.
+  !>
+  !> Takes O(N) time and memory. Particles in the same finest square keep their order. The result
+  !> does not depend on the number of threads. Coordinates have to be finite.
+  !>
+  !> Source: D. Hilbert, Über die stetige Abbildung einer Linie auf ein Flächenstück,
+  !> Math. Ann. 38 (1891) 459–460.
+  subroutine hilbert_order(x, y, order)
+    !> Coordinates, m
+    real(wp), intent(in) :: x(:), y(:)
+    !> Permutation: the k-th particle along the curve is particle `order(k)`
+    integer(ip), allocatable, intent(out) :: order(:)
+    integer(i8), allocatable :: key(:)
+    real(wp) :: extent, per_length, x_low, y_low
+    integer :: i
+
+    allocate (order(size(x)), key(size(x)))
+    do i = 1, size(x)
+      order(i) = i
+    end do
+    if (size(x) < 2) return
+    x_low = minval(x)
+    y_low = minval(y)
+    extent = max(maxval(x) - x_low, maxval(y) - y_low)
+    if (.not. extent > 0) return
+    ! Squares so small that even the highest coordinates lie below 2³⁰ of them
+    per_length = (2.0_wp**levels - 1)/max(extent, 1.0e-290_wp)
+
+    !$omp parallel do default(none) shared(x, y, key, x_low, y_low, per_length) schedule(static)
+    do i = 1, size(x)
+      key(i) = hilbert_key(int((x(i) - x_low)*per_length, i8), int((y(i) - y_low)*per_length, i8))
+    end do
+    !$omp end parallel do
+    call radix_sort(key, order)
+  end subroutine hilbert_order
+
+  !> Where a square lies on the curve.
+  pure function hilbert_key(column, row) result(key)
+    !> The square, counted from 0, both below 2^levels
+    integer(i8), intent(in) :: column, row
+    integer(i8) :: key
+    ! The curve through a square of 2×2 smaller ones has four orientations. For each, and each
+    ! quadrant 2·(right half) + (upper half), counted from 0: when the quadrant is passed, and the
+    ! orientation of the curve inside it.
+    !   0: up, right, down   1: right, up, left   2: left, down, right   3: down, left, up
+    integer(i8), parameter :: passed(0:3, 0:3) = &
+                              reshape([integer(i8) :: 0, 1, 3, 2, &
+                                       0, 3, 1, 2, &
+                                       2, 1, 3, 0, &
+                                       2, 3, 1, 0], [4, 4])
+    integer, parameter :: inside(0:3, 0:3) = &
+                          reshape([1, 0, 2, 0, &
+                                   0, 3, 1, 1, &
+                                   2, 2, 0, 3, &
+                                   3, 1, 3, 2], [4, 4])
+    integer :: level, orientation, quadrant
+
+    key = 0
+    orientation = 0
+    do level = levels - 1, 0, -1
+      quadrant = int(ior(ishft(iand(ishft(column, -level), 1_i8), 1), &
+                         iand(ishft(row, -level), 1_i8)))
+      key = ior(ishft(key, 2), passed(quadrant, orientation))
+      orientation = inside(quadrant, orientation)
+    end do
+  end function hilbert_key
+
+  !> Sort by keys below 2^(2 levels), keeping the order of equal ones.
+  pure subroutine radix_sort(key, order)
+    !> Keys; sorted afterwards
+    integer(i8), allocatable, intent(inout) :: key(:)
+    !> What is sorted along
+    integer(ip), allocatable, intent(inout) :: order(:)
+    integer(i8), allocatable :: key_sorted(:)
+    integer(ip), allocatable :: order_sorted(:)
+    integer(ip) :: before, count, digit, i, pass, next(0:last_digit)
+
+    allocate (key_sorted(size(key)), order_sorted(size(order)))
+    do pass = 0, passes - 1
+      next = 0
+      do i = 1, size(key, kind=ip)
+        digit = digit_of(key(i), pass)
+        next(digit) = next(digit) + 1
+      end do
+      if (maxval(next) == size(key)) cycle
+      before = 1
+      do digit = 0, last_digit
+        count = next(digit)
+        next(digit) = before
+        before = before + count
+      end do
+      do i = 1, size(key, kind=ip)
+        digit = digit_of(key(i), pass)
+        key_sorted(next(digit)) = key(i)
+        order_sorted(next(digit)) = order(i)
+        next(digit) = next(digit) + 1
+      end do
+      call exchange(key, key_sorted, order, order_sorted)
+    end do
+  end subroutine radix_sort
+
+  !> One digit of a key.
+  elemental function digit_of(key, pass) result(digit)
+    integer(i8), intent(in) :: key
+    !> Which digit, counted from 0 at the low end
+    integer(ip), intent(in) :: pass
+    integer(ip) :: digit
+
+    digit = int(iand(ishft(key, -digit_bits*pass), int(last_digit, i8)), ip)
+  end function digit_of
+
+  !> Exchange two pairs of arrays without copying them.
+  pure subroutine exchange(key, other_key, order, other_order)
+    integer(i8), allocatable, intent(inout) :: key(:), other_key(:)
+    integer(ip), allocatable, intent(inout) :: order(:), other_order(:)
+    integer(i8), allocatable :: key_kept(:)
+    integer(ip), allocatable :: order_kept(:)
+
+    call move_alloc(key, key_kept)
+    call move_alloc(other_key, key)
+    call move_alloc(key_kept, other_key)
+    call move_alloc(order, order_kept)
+    call move_alloc(other_order, order)
+    call move_alloc(order_kept, other_order)
+  end subroutine exchange
+
+end module calor_space_filling_curve
