@@ -14,6 +14,7 @@ program main
   use test_heat, only: collect_heat
   use test_operators, only: collect_operators
   use test_clouds, only: collect_clouds
+  use test_examples, only: collect_examples
   use test_kernels, only: collect_kernels
   use test_neighbour_list, only: collect_neighbour_list
   use test_random, only: collect_random
@@ -38,7 +39,8 @@ program main
            new_testsuite('kernels', collect_kernels), &
            new_testsuite('neighbour list', collect_neighbour_list), &
            new_testsuite('random', collect_random), &
-           new_testsuite('clouds', collect_clouds) &
+           new_testsuite('clouds', collect_clouds), &
+           new_testsuite('examples', collect_examples) &
            ]
 
   ! The tests read damaged files, and put theirs into a folder of the build.
