@@ -36,17 +36,20 @@ help: ## list the targets
 	while IFS='|' read -r name text; do printf 'make %-13s %s\n' "$$name" "$$text"; done
 
 build: set-up ## the program, at bin/calor (installs what is missing; the default)
+	@tools/drop_stale.sh
 	@$(FPM) run $(FPM_OPTIONS) --target calor --runner "tools/place.sh $(BIN)"
 
 run: build ## build, and run the heat problem data/plate.nml
 	$(BIN)/calor run data/plate.nml
 
 examples: set-up ## the programs of example/, in build/examples
+	@tools/drop_stale.sh
 	@mkdir -p $(EXAMPLES)
 	@$(if $(wildcard example/*.f90),$(FPM) run $(FPM_OPTIONS) --example --all \
 	  --runner "tools/place.sh $(EXAMPLES)")
 
 test: build examples ## all tests; SUITE=text runs one suite, TEST="numbers as text" one test of it
+	@tools/drop_stale.sh
 	@$(FPM) test $(FPM_OPTIONS) -- $(SUITE) $(if $(TEST),"$(TEST)")
 
 # Leak detection needs ptrace, which many containers forbid.

@@ -1,6 +1,6 @@
-!> The command line of calor: finds out what is asked, has the library do it, prints what comes back,
-!> and sets the exit status: 0 done, 2 wrong input, 3 the numbers went wrong, 4 a file could not be
-!> read or written.
+!> The command line of calor: finds out what is asked, has the library do it, prints what comes
+!> back, and sets the exit status: 0 done, 2 wrong input, 3 the numbers went wrong, 4 a file could
+!> not be read or written.
 program main
   use, intrinsic :: iso_fortran_env, only: output_unit, error_unit
   use calor, only: error_t, text_t, to_text, suggestion, choice_t, choice_names, version, scene_t, &
@@ -68,7 +68,7 @@ contains
           call check(argument(2), error)
         case ('operators')
           call operators(argument(2), error)
-        case ('new')
+        case default
           call new(argument(2), error)
         end select
       end if
@@ -182,8 +182,9 @@ contains
     case ('operators')
       call say('SCENE is a namelist file with the groups &domain, &kernel and:')
       call say(contract_help('operators'))
-    case ('new')
-      call say('Writes NAME.nml, a small plate with every key explained. An existing file is left alone.')
+    case default
+      call say('Writes NAME.nml, a small plate with every key explained. An existing file is left')
+      call say('alone.')
     end select
   end subroutine show_command_help
 

@@ -32,7 +32,8 @@ contains
                 new_unittest('corners take the boundary given last', test_corner), &
                 new_unittest('material and size scale as they must', test_units), &
                 new_unittest('a constant temperature stays', test_constant), &
-                new_unittest('a step beyond the limit is refused with the limit', test_refused_step), &
+                new_unittest('a step beyond the limit is refused with the limit', &
+                             test_refused_step), &
                 new_unittest('an unstable operator ends the run', test_unstable), &
                 new_unittest('scenes that cannot be run', test_refusals), &
                 new_unittest('one and two threads agree', test_threads) &
@@ -47,9 +48,11 @@ contains
     type(simulation_t), intent(out) :: simulation
     type(error_type), allocatable, intent(out) :: error
 
-    call run_scene(plate//'&domain shape = ''rectangle'' x_range = 0, 1 y_range = 0, 1 spacing = '// &
+    call run_scene(plate//'&domain shape = ''rectangle'' x_range = 0, 1 y_range = 0, 1 '// &
+                   'spacing = '// &
                    to_text(1.0_wp/n)//' arrangement = ''jittered'' jitter = '//to_text(jitter)// &
-                   ' / &kernel support = '//to_text(support)//' / &scheme laplacian = '''//scheme// &
+                   ' / &kernel support = '//to_text(support)// &
+                   ' / &scheme laplacian = '''//scheme// &
                    ''' support_growth = .false. / &time end = 0.05 tolerance = 1e-8 /', &
                    simulation, error)
   end subroutine run_plate
@@ -83,7 +86,8 @@ contains
       call run_plate(10*2**level, jitter, support, scheme, simulation, error)
       if (allocated(error)) return
       ratio = simulation%relative_l2_error()/expected(level)
-      call check(error, ratio > lowest .and. ratio < highest, scheme//', jitter '//to_text(jitter)// &
+      call check(error, ratio > lowest .and. ratio < highest, &
+                 scheme//', jitter '//to_text(jitter)// &
                  ', support '//to_text(support)//', level '//to_text(level)// &
                  ': found over expected '//to_text(ratio, digits=4))
       if (allocated(error)) return
@@ -93,15 +97,17 @@ contains
   subroutine test_table_lattice(error)
     type(error_type), allocatable, intent(out) :: error
 
-    call compare(0.0_wp, 1.5_wp, 'brookshaw', [4.0e-1_wp, 4.0e-1_wp, 4.0e-1_wp], 0.9_wp, 1.1_wp, error)
-    if (allocated(error)) return
-    call compare(0.0_wp, 2.1_wp, 'brookshaw', [2.4e-2_wp, 2.1e-2_wp, 2.0e-2_wp], 0.9_wp, 1.1_wp, error)
-    if (allocated(error)) return
-    call compare(0.0_wp, 1.5_wp, 'fatehi_manzari', [2.1e-3_wp, 5.2e-4_wp, 1.3e-4_wp], 0.9_wp, 1.1_wp, &
+    call compare(0.0_wp, 1.5_wp, 'brookshaw', [4.0e-1_wp, 4.0e-1_wp, 4.0e-1_wp], 0.9_wp, 1.1_wp, &
                  error)
     if (allocated(error)) return
-    call compare(0.0_wp, 2.1_wp, 'fatehi_manzari', [4.0e-3_wp, 1.0e-3_wp, 2.5e-4_wp], 0.9_wp, 1.1_wp, &
+    call compare(0.0_wp, 2.1_wp, 'brookshaw', [2.4e-2_wp, 2.1e-2_wp, 2.0e-2_wp], 0.9_wp, 1.1_wp, &
                  error)
+    if (allocated(error)) return
+    call compare(0.0_wp, 1.5_wp, 'fatehi_manzari', [2.1e-3_wp, 5.2e-4_wp, 1.3e-4_wp], 0.9_wp, &
+                 1.1_wp, error)
+    if (allocated(error)) return
+    call compare(0.0_wp, 2.1_wp, 'fatehi_manzari', [4.0e-3_wp, 1.0e-3_wp, 2.5e-4_wp], 0.9_wp, &
+                 1.1_wp, error)
   end subroutine test_table_lattice
 
   subroutine test_table_jittered(error)
@@ -118,7 +124,8 @@ contains
     do k = 1, 3
       call compare(jitter(k), 2.1_wp, 'brookshaw', brookshaw(:, k), 1/1.5_wp, 1.5_wp, error)
       if (allocated(error)) return
-      call compare(jitter(k), 2.1_wp, 'fatehi_manzari', fatehi_manzari(:, k), 1/1.5_wp, 1.5_wp, error)
+      call compare(jitter(k), 2.1_wp, 'fatehi_manzari', fatehi_manzari(:, k), 1/1.5_wp, 1.5_wp, &
+                   error)
       if (allocated(error)) return
     end do
   end subroutine test_table_jittered
@@ -135,8 +142,9 @@ contains
       if (allocated(error)) return
       call run_plate(80, jitter(k), support(k), 'fatehi_manzari', fine, error)
       if (allocated(error)) return
-      call check(error, log(coarse%relative_l2_error()/fine%relative_l2_error())/log(4.0_wp), 2.0_wp, &
-                 thr=0.1_wp, message='jitter '//to_text(jitter(k))//', support '//to_text(support(k)))
+      call check(error, log(coarse%relative_l2_error()/fine%relative_l2_error())/log(4.0_wp), &
+                 2.0_wp, thr=0.1_wp, &
+                 message='jitter '//to_text(jitter(k))//', support '//to_text(support(k)))
       if (allocated(error)) return
     end do
   end subroutine test_order
@@ -156,14 +164,15 @@ contains
     end do
   end subroutine test_headline
 
-  !> u = x² + y² + 4t solves u_t = ∇²u; the scheme is exact for it in space and every method in time.
+  !> u = x² + y² + 4t solves u_t = ∇²u; the scheme is exact for it in space and every method
+  !> in time.
   subroutine test_quadratic(error)
     type(error_type), allocatable, intent(out) :: error
     character(len=*), parameter :: scene = &
         '&scene exact_expression = ''x^2 + y^2 + 4*t'' / &initial temperature_expression = '// &
         '''x^2 + y^2'' / &boundary on = ''all'' kind = ''temperature'' value_expression = '// &
-        '''x^2 + y^2 + 4*t'' / &domain shape = ''rectangle'' x_range = -1, 1 y_range = 0.5, 1.5 '// &
-        'spacing = 0.1 arrangement = ''jittered'' jitter = 0.2 / &kernel support = 2.6 / '// &
+        '''x^2 + y^2 + 4*t'' / &domain shape = ''rectangle'' x_range = -1, 1 y_range = 0.5, 1.5'// &
+        ' spacing = 0.1 arrangement = ''jittered'' jitter = 0.2 / &kernel support = 2.6 / '// &
         '&scheme support_growth = .false. / &time end = 0.1 method = '
     character(len=13), parameter :: methods(3) = &
                                     [character(len=13) :: 'forward_euler', 'runge_kutta_4', 'rkl2']
@@ -210,7 +219,8 @@ contains
     end do
   end subroutine test_corner
 
-  !> The plate a thousand times larger, of a material that is slower by as much as its size asks for.
+  !> The plate a thousand times larger, of a material that is slower by as much as its size asks
+  !> for.
   subroutine test_units(error)
     type(error_type), allocatable, intent(out) :: error
     type(simulation_t) :: small, large
@@ -221,13 +231,14 @@ contains
     call run_scene('&domain shape = ''rectangle'' x_range = 0, 1000 y_range = 0, 1000 '// &
                    'spacing = 100 / &initial temperature_expression = '// &
                    '''sin(pi*x/1000)*sin(pi*y/1000)'' / &boundary on = ''all'' '// &
-                   'kind = ''temperature'' value = 0 / &material conductivity = 400 density = 8000 '// &
-                   'heat_capacity = 500 / &scheme support_growth = .false. / '// &
+                   'kind = ''temperature'' value = 0 / &material conductivity = 400 '// &
+                   'density = 8000 heat_capacity = 500 / &scheme support_growth = .false. / '// &
                    '&time end = 5.0e8 tolerance = 1e-8 /', large, error)
     if (allocated(error)) return
     call check(error, maxval(abs(large%temperature - small%temperature)) < 1.0e-9_wp)
     if (allocated(error)) return
-    call check(error, large%stability_limit/small%stability_limit, 1.0e10_wp, thr=1.0e-6_wp, rel=.true.)
+    call check(error, large%stability_limit/small%stability_limit, 1.0e10_wp, thr=1.0e-6_wp, &
+               rel=.true.)
   end subroutine test_units
 
   subroutine test_constant(error)
@@ -247,8 +258,8 @@ contains
     type(simulation_t) :: simulation
     type(scene_t) :: scene
     type(error_t), allocatable :: failure
-    character(len=*), parameter :: start = plate//'&domain shape = ''rectangle'' x_range = 0, 1 '// &
-        'y_range = 0, 1 spacing = 0.05 / &kernel support = 1.2 / '// &
+    character(len=*), parameter :: start = plate//'&domain shape = ''rectangle'' x_range = 0, 1'// &
+        ' y_range = 0, 1 spacing = 0.05 / &kernel support = 1.2 / '// &
         '&scheme support_growth = .false. / &time end = 0.01 method = ''forward_euler'' step = '
     real(wp) :: limit
 
@@ -302,8 +313,8 @@ contains
 
     call expect_refusal(square//'&time end = 1 /', '''left'' ''right'' ''bottom'' ''top''', error)
     if (allocated(error)) return
-    call expect_refusal(square//'&time end = 1 / &boundary on = ''left'' kind = ''temperature'' '// &
-                        'value = 0 /', '''right'' ''bottom'' ''top''', error)
+    call expect_refusal(square//'&time end = 1 / &boundary on = ''left'' kind = ''temperature'''// &
+                        ' value = 0 /', '''right'' ''bottom'' ''top''', error)
     if (allocated(error)) return
     call expect_refusal(square//held//'&time end = 1 / &boundary on = ''lef'' '// &
                         'kind = ''temperature'' value = 0 /', 'no boundary called ''lef''', error)
@@ -313,7 +324,8 @@ contains
     if (allocated(error)) return
     call expect_refusal(square//held, 'no group &time', error)
     if (allocated(error)) return
-    call expect_refusal(square//held//'&time end = 1 method = ''forward_euler'' tolerance = 1e-3 /', &
+    call expect_refusal(square//held//'&time end = 1 method = ''forward_euler'' tol'// &
+                        'erance = 1e-3 /', &
                         'does not estimate its error', error)
     if (allocated(error)) return
     call expect_refusal(square//held//'&time end = 1 step = 0.001 tolerance = 1e-3 /', &
@@ -329,9 +341,9 @@ contains
     if (allocated(error)) return
     call expect_refusal(square//held//'&time end = 1 / &source power = 1 /', '&source', error)
     if (allocated(error)) return
-    call expect_refusal('&domain shape = ''rectangle'' x_range = 0, 1 y_range = 0, 1 spacing = 1 / '// &
-                        held//'&time end = 1 / &scheme support_growth = .false. /', &
-                        'lower &domain spacing', error)
+    call expect_refusal('&domain shape = ''rectangle'' x_range = 0, 1 y_range = 0, 1 '// &
+                        'spacing = 1 / '//held//'&time end = 1 / '// &
+                        '&scheme support_growth = .false. /', 'lower &domain spacing', error)
   end subroutine test_refusals
 
   !> Reading or preparing the scene fails as wrong input, in words that hold a given text.
@@ -348,7 +360,8 @@ contains
     if (allocated(error)) return
     call check(error, failure%status, status_bad_input)
     if (allocated(error)) return
-    call check(error, index(failure%message, words) > 0, 'expected "'//words//'" in: '//failure%message)
+    call check(error, index(failure%message, words) > 0, &
+               'expected "'//words//'" in: '//failure%message)
   end subroutine expect_refusal
 
   subroutine test_threads(error)

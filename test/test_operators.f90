@@ -142,7 +142,8 @@ contains
       case default
         magnitude = maxval(abs(table(:, k)), cloud%inside)
       end select
-      call check(error, maxval(abs(found(:, k) - table(:, k)), cloud%inside) <= 1.0e-9_wp*magnitude, &
+      call check(error, &
+                 maxval(abs(found(:, k) - table(:, k)), cloud%inside) <= 1.0e-9_wp*magnitude, &
                  trim(names(k))//' differs')
       if (allocated(error)) return
     end do
@@ -214,7 +215,8 @@ contains
     end do
   end subroutine test_linear
 
-  !> ∇² of x², y², xy and their sums with linear fields at every particle, walls and corners included.
+  !> ∇² of x², y², xy and their sums with linear fields at every particle, walls and corners
+  !> included.
   subroutine test_quadratic(error)
     type(error_type), allocatable, intent(out) :: error
     type(discretisation_t) :: cloud
@@ -222,8 +224,8 @@ contains
     type(row_report_t) :: report
     real(wp), allocatable :: field(:), found(:)
     real(wp), parameter :: coefficients(3, 4) = reshape( &
-                           [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, &
-                            0.7_wp, -1.3_wp, 2.1_wp], [3, 4])
+                           [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
+                            1.0_wp, 0.7_wp, -1.3_wp, 2.1_wp], [3, 4])
     integer :: k, m
 
     do k = 1, 6
@@ -267,7 +269,8 @@ contains
 
   subroutine test_constants(error)
     type(error_type), allocatable, intent(out) :: error
-    character(len=12), parameter :: gradients(2) = [character(len=12) :: 'difference', 'renormalized']
+    character(len=12), parameter :: gradients(2) = &
+                                    [character(len=12) :: 'difference', 'renormalized']
     type(discretisation_t) :: cloud
     type(sparse_operator_t) :: operator_x, operator_y
     real(wp), allocatable :: field(:), found(:)
@@ -325,7 +328,8 @@ contains
     end do
   end subroutine test_subset
 
-  !> On a domain of 10⁻⁹ m or 10⁹ m the weights are those of the unit square over the square of that.
+  !> On a domain of 10⁻⁹ m or 10⁹ m the weights are those of the unit square over the square of
+  !> that.
   subroutine test_scale(error)
     type(error_type), allocatable, intent(out) :: error
     type(discretisation_t) :: cloud, scaled
@@ -346,8 +350,8 @@ contains
     end do
   end subroutine test_scale
 
-  !> Error of ∇² sin πx sin πy on the unit square as in the published table: root mean square over the
-  !> particles of whole support, relative to that of the exact Laplacian over all particles.
+  !> Error of ∇² sin πx sin πy on the unit square as in the published table: root mean square over
+  !> the particles of whole support, relative to that of the exact Laplacian over all particles.
   function laplacian_error(n, jitter, support, scheme, seed) result(deviation)
     integer, intent(in) :: n
     real(wp), intent(in) :: jitter, support
@@ -386,7 +390,8 @@ contains
 
     do k = 1, 3
       do level = 1, 3
-        ratio = laplacian_error(10*2**level, jitter, support, trim(schemes(k)), 1)/expected(level, k)
+        ratio = laplacian_error(10*2**level, jitter, support, trim(schemes(k)), 1)
+        ratio = ratio/expected(level, k)
         write (message, '(a,i4,f5.2,f5.2,a,f7.3)') trim(schemes(k)), 10*2**level, jitter, support, &
           ': found over expected ', ratio
         call check(error, ratio > lowest .and. ratio < highest, trim(message))
@@ -438,7 +443,8 @@ contains
     if (allocated(error)) return
     do row = 1, operator%rows()
       if (.not. cloud%inside(row)) cycle
-      call check(error, maxval(abs(operator%weight(operator%first(row):operator%first(row + 1) - 1) - &
+      call check(error, &
+                 maxval(abs(operator%weight(operator%first(row):operator%first(row + 1) - 1) - &
                                    100.0_wp)) < 1.0e-9_wp)
       if (allocated(error)) return
     end do

@@ -468,8 +468,11 @@ contains
       call test_failed(error, failure%message)
       return
     end if
-    call check(error, value, expected, thr=1.0e-15_wp, rel=.true.)
-    if (allocated(error) .and. abs(expected) <= 0.0_wp) call check(error, value, expected)
+    if (abs(expected) > 0.0_wp) then
+      call check(error, value, expected, thr=1.0e-15_wp, rel=.true.)
+    else
+      call check(error, value, expected)
+    end if
   end subroutine expect_number
 
   subroutine expect_no_number(text, message, error)

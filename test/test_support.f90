@@ -98,7 +98,8 @@ contains
     if (present(targets)) then
       call build_neighbour_list(this%x, this%y, this%radius(targets), list, targets)
     end if
-    call scheme%assemble(this%kernel, this%x, this%y, this%volume, this%radius, list, operator, report)
+    call scheme%assemble(this%kernel, this%x, this%y, this%volume, this%radius, list, operator, &
+                         report)
   end subroutine laplacian
 
   function whole_support(this) result(whole)

@@ -38,7 +38,8 @@ contains
                 new_unittest('forward Euler is of first order', test_euler_order), &
                 new_unittest('Runge-Kutta is of fourth order', test_runge_kutta_order), &
                 new_unittest('RKL2 is of second order', test_rkl2_order), &
-                new_unittest('RKL2 is of second order for any number of stages', test_rkl2_stages), &
+                new_unittest('RKL2 is of second order for any number of stages', &
+                             test_rkl2_stages), &
                 new_unittest('stability limits are sharp', test_limits), &
                 new_unittest('RKL2 error estimate is the error', test_error_estimate), &
                 new_unittest('error control keeps the tolerance', test_error_control), &
@@ -140,7 +141,8 @@ contains
     type(decay_t) :: decay
     real(wp) :: limit, u(1)
     integer :: k
-    character(len=13), parameter :: methods(2) = [character(len=13) :: 'forward_euler', 'runge_kutta_4']
+    character(len=13), parameter :: methods(2) = &
+                                    [character(len=13) :: 'forward_euler', 'runge_kutta_4']
 
     decay%lambda = [-7.0_wp]
     decay%forcing = 0

@@ -222,6 +222,7 @@ contains
     !> Temperatures of the points, K; without them T is NaN
     real(wp), intent(in), optional :: temperature(:)
     type(expression_t), target :: own
+    type(ieee_status_type) :: status
     integer :: k
 
     if (.not. owns_parser(self%parser, self%owner)) then
@@ -237,6 +238,9 @@ contains
       return
     end if
 
+    ! A caller that traps invalid operations still gets NaN for an expression without a value.
+    call ieee_get_status(status)
+    call ieee_set_halting_mode(ieee_all, .false.)
     self%variables(3) = time
     self%variables(4) = ieee_value(0.0_wp, ieee_quiet_nan)
     do k = 1, size(values)
@@ -246,6 +250,7 @@ contains
       values(k) = mup_evaluate(self%parser)
     end do
     if (mup_failed(self%parser) /= 0) values = ieee_value(0.0_wp, ieee_quiet_nan)
+    call ieee_set_status(status)
   end subroutine evaluate_points
 
   !> The value of the expression at one point; see `evaluate_points`.

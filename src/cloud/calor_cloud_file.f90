@@ -3,6 +3,8 @@ module calor_cloud_file
   use, intrinsic :: iso_c_binding, only: c_ptr, c_loc
   use, intrinsic :: iso_fortran_env, only: iostat_end
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+  use, intrinsic :: ieee_exceptions, only: ieee_status_type, ieee_get_status, ieee_set_status, &
+                                           ieee_set_halting_mode, ieee_all
   use calor_cloud, only: cloud_t
   use calor_error, only: error_t, raise, status_bad_input, status_bad_file
   use calor_file_system, only: look_at_path, path_missing, path_file, path_folder, &
@@ -69,6 +71,7 @@ contains
                                    line_feed//achar(26)//line_feed
     character(len=:), allocatable :: content, name
     type(text_t), allocatable :: ignored(:)
+    type(ieee_status_type) :: floating_point
     integer, allocatable :: wall(:)
     integer :: k
 
@@ -80,13 +83,18 @@ contains
     if (allocated(error)) return
     call read_bytes(name, len(hdf5_signature, i8), content, error)
     if (allocated(error)) return
+    ! Numbers that overflow are for our message, not for the traps of a caller that has set them.
+    call ieee_get_status(floating_point)
+    call ieee_set_halting_mode(ieee_all, .false.)
     if (content == hdf5_signature) then
       call read_vtkhdf(name, cloud, wall, has_volume, has_wall, error)
     else
       call read_bytes(name, huge(1_i8), content, error)
-      if (allocated(error)) return
-      call read_csv(name, content, cloud, wall, has_volume, has_wall, ignored, error)
+      if (.not. allocated(error)) then
+        call read_csv(name, content, cloud, wall, has_volume, has_wall, ignored, error)
+      end if
     end if
+    call ieee_set_status(floating_point)
     if (allocated(error)) return
 
     if (.not. allocated(cloud%volume)) then

@@ -12,8 +12,8 @@ module calor_lapack
       import :: wp
       implicit none (type, external)
       integer, intent(in) :: n, nrhs, lda, ldb
-      real(wp), intent(inout) :: a(lda, *), b(ldb, *)
-      integer, intent(out) :: ipiv(*), info
+      real(wp), intent(inout) :: a(lda, n), b(ldb, nrhs)
+      integer, intent(out) :: ipiv(n), info
     end subroutine dgesv
 
     !> Minimum-norm least-squares solution of A X = B by the singular value decomposition
@@ -21,11 +21,11 @@ module calor_lapack
       import :: wp
       implicit none (type, external)
       integer, intent(in) :: m, n, nrhs, lda, ldb, lwork
-      real(wp), intent(inout) :: a(lda, *), b(ldb, *)
-      real(wp), intent(out) :: s(*)
+      real(wp), intent(inout) :: a(lda, n), b(ldb, nrhs)
+      real(wp), intent(out) :: s(min(m, n))
       real(wp), intent(in) :: rcond
       integer, intent(out) :: rank, info
-      real(wp), intent(out) :: work(*)
+      real(wp), intent(out) :: work(lwork)
     end subroutine dgelss
   end interface
 

@@ -1,6 +1,6 @@
 !> The paper's new scheme,
-!> Σ 2 w_j (B̂_i : e_ij ∇W_ij) [(u_i - u_j)/r_ij - e_ij·⟨∇u⟩_i] with the renormalized gradient ⟨∇u⟩_i.
-!> Exact for quadratic fields.
+!> Σ 2 w_j (B̂_i : e_ij ∇W_ij) [(u_i - u_j)/r_ij - e_ij·⟨∇u⟩_i] with the renormalized gradient
+!> ⟨∇u⟩_i. Exact for quadratic fields.
 !>
 !> Source: R. Fatehi, M.T. Manzari, Comput. Math. Appl. 61 (2011) 482–498.
 module calor_laplacian_fatehi_manzari

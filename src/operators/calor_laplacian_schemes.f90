@@ -16,7 +16,7 @@ module calor_laplacian_schemes
 
   !> Every Laplacian scheme that a scene may name
   type(choice_t), parameter :: laplacian_choices(*) = [ &
-      choice_t('kernel_second_derivative', 'the kernel differentiated twice; exact for constants'), &
+      choice_t('kernel_second_derivative', 'the kernel''s own; exact for constants'), &
       choice_t('double_gradient', 'renormalized gradient twice; exact for linear fields'), &
       choice_t('brookshaw', 'the usual SPH Laplacian; exact for constants'), &
       choice_t('brookshaw_renormalized', 'brookshaw with the tensor B; exact for constants'), &

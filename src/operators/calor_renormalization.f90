@@ -37,8 +37,8 @@ contains
 
   !> B̂_i, the symmetric solution of
   !> B̂ : [Σ w_j r_ij e e e ∇W + (Σ w_j e e ∇W)·B·(Σ w_j r r ∇W)] = -I,
-  !> where the colon pairs B̂ with the indices (e, ∇W); where that system is singular, as on a lattice
-  !> with four neighbours, the minimum-norm solution.
+  !> where the colon pairs B̂ with the indices (e, ∇W); where that system is singular, as on a
+  !> lattice with four neighbours, the minimum-norm solution.
   subroutine laplacian_tensor(stencil, b, b_hat)
     !> The particle's stencil; its `condition_laplacian` is set
     type(stencil_t), intent(inout) :: stencil

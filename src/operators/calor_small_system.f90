@@ -32,7 +32,7 @@ contains
     n = size(a, 1)
     columns = size(b, 2)
     matrix(1:n, 1:n) = a
-    ! The unit matrix rides along as further right-hand sides: the inverse gives the exact condition.
+    ! The unit matrix rides along as further right-hand sides: the inverse tells the condition.
     solution(1:n, 1:columns + n) = 0
     solution(1:n, 1:columns) = b
     do k = 1, n

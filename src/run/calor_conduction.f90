@@ -12,7 +12,7 @@ module calor_conduction
   public :: conduction_t
 
   !> How far, in units of the range of all given temperatures, a state may leave that range before
-  !> it counts as unstable. Conduction alone never leaves it; a scheme of high order may by a little.
+  !> it counts as unstable. Conduction alone never leaves it; a scheme may by a little.
   real(wp), parameter :: largest_excursion = 10.0_wp
 
   type, extends(evolution_t) :: conduction_t

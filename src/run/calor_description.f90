@@ -16,7 +16,7 @@ module calor_description
 
 contains
 
-  !> What a prepared simulation will do: particles, neighbours, schemes, effects, steps, memory, file.
+  !> What a prepared simulation will do: particles, schemes, effects, steps, memory, file.
   function describe_plan(simulation) result(lines)
     !> A simulation after `prepare`
     type(simulation_t), intent(in) :: simulation
@@ -28,7 +28,9 @@ contains
     call add(lines, 'Neighbours', neighbours(simulation))
     call add(lines, 'Laplacian', simulation%scene%laplacian//': '// &
              summary(laplacian_choices, simulation%scene%laplacian))
-    if (any(simulation%report%condition_gradient > 0)) call add(lines, 'Tensors', tensors(simulation))
+    if (any(simulation%report%condition_gradient > 0)) then
+      call add(lines, 'Tensors', tensors(simulation))
+    end if
     call add(lines, 'Diffusivity', to_text(simulation%conduction%diffusivity, digits=6)//' m2/s')
     call add(lines, 'Effects', effects(simulation))
     call add(lines, 'Time', '0 to '//to_text(simulation%scene%time%end)//' s by '// &
@@ -62,7 +64,8 @@ contains
         phases = phases//trim(phase%name)//' '//to_text(phase%seconds, digits=2)
       end associate
     end do
-    call add(lines, 'Wall time', to_text(simulation%stopwatch%total(), digits=3)//' s ('//phases//')')
+    call add(lines, 'Wall time', to_text(simulation%stopwatch%total(), digits=3)// &
+             ' s ('//phases//')')
     if (simulation%scene%output%file /= '') call add(lines, 'Written', simulation%scene%output%file)
     if (simulation%knows_exact()) then
       call add(lines, 'Error', 'relative L2 error '// &
@@ -172,8 +175,9 @@ contains
       radius = stepper%spectral_radius
       if (stepper%tolerance > 0) then
         step = stepper%first_proposal()
-        text = 'first step '//to_text(step, digits=2)//' s, then as long as the error of a step '// &
-               'stays below '//to_text(stepper%tolerance, digits=2)//': at most about '// &
+        text = 'first step '//to_text(step, digits=2)// &
+               ' s, then as long as the error of a step stays below '// &
+               to_text(stepper%tolerance, digits=2)//': at most about '// &
                to_text(ceiling(simulation%scene%time%end/step, i8))//' steps'
       else
         text = to_text(ceiling(simulation%scene%time%end/stepper%longest_step, i8))// &
@@ -191,7 +195,7 @@ contains
     integer(i8) :: n
 
     n = simulation%cloud%particles()
-    ! Neighbour: 4 bytes of index, 8 of weight. Particle: cloud 32, operator 20, state and stages 64.
+    ! Neighbour: index 4 bytes, weight 8. Particle: cloud 32, operator 20, state and stages 64.
     bytes = 12_i8*size(simulation%conduction%laplacian%index, kind=i8) + 116*n
   end function memory
 

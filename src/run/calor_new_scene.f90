@@ -70,8 +70,8 @@ contains
     path = stem//'.nml'
     inquire (file=path, exist=exists)
     if (exists) then
-      call raise(error, status_bad_input, 'The file '//path//' is there already: choose another '// &
-                 'name, or move it away.')
+      call raise(error, status_bad_input, 'The file '//path// &
+                 ' is there already: choose another name, or move it away.')
       return
     end if
     stem = stem(index(stem, '/', back=.true.) + 1:)
@@ -82,8 +82,8 @@ contains
       write (unit, '(a)', iostat=status, iomsg=reason) filled(template(k), stem)
     end do
     if (status == 0) close (unit, iostat=status, iomsg=reason)
-    if (status /= 0) call raise(error, status_bad_file, 'The file '//path//' cannot be written: '// &
-                                trim(reason))
+    if (status == 0) return
+    call raise(error, status_bad_file, 'The file '//path//' cannot be written: '//trim(reason))
   end subroutine write_new_scene
 
   !> A line with @ replaced by a word.

@@ -34,7 +34,8 @@ contains
     associate (domain => scene%domain)
       select case (domain%shape)
       case ('cloud')
-        call read_cloud_file(beside_scene(scene%path, domain%file), cloud, has_volume, has_wall, error)
+        call read_cloud_file(beside_scene(scene%path, domain%file), cloud, has_volume, has_wall, &
+                             error)
         if (allocated(error)) return
         call set_spacing(domain%spacing, has_volume, cloud, error)
         if (allocated(error)) return
@@ -66,7 +67,8 @@ contains
     else if (has_volume) then
       cloud%spacing = sqrt(sum(cloud%volume)/cloud%particles())
     else
-      call raise(error, status_bad_input, 'The cloud''s file has no column ''volume'', so &domain '// &
+      call raise(error, status_bad_input, &
+                 'The cloud''s file has no column ''volume'', so &domain '// &
                  'needs spacing: the distance between neighbouring particles in metres.')
     end if
   end subroutine set_spacing

@@ -121,7 +121,8 @@ contains
       domain%arrangement = 'lattice'
       domain%file = ''
       if (domain%shape == 'cloud') then
-        call refuse_keys(group, [character(len=11) :: 'x_range', 'y_range', 'arrangement', 'jitter', &
+        call refuse_keys(group, [character(len=11) :: &
+                                 'x_range', 'y_range', 'arrangement', 'jitter', &
                                  'seed'], 'shape = ''cloud''', error)
         if (allocated(error)) return
         call get(group, 'file', domain%file, error, not_blank=.true.)
@@ -188,7 +189,8 @@ contains
     call get_choice(group, 'laplacian', laplacian_choices, scene%laplacian, error, &
                     default='fatehi_manzari')
     if (allocated(error)) return
-    call get_choice(group, 'gradient', gradient_choices, scene%gradient, error, default='renormalized')
+    call get_choice(group, 'gradient', gradient_choices, scene%gradient, error, &
+                    default='renormalized')
   end subroutine read_method
 
   !> What the body consists of and how warm it is at the start
@@ -204,7 +206,8 @@ contains
       if (allocated(error)) return
       call get(group, 'density', material%density, error, default=1.0_wp, positive=.true.)
       if (allocated(error)) return
-      call get(group, 'heat_capacity', material%heat_capacity, error, default=1.0_wp, positive=.true.)
+      call get(group, 'heat_capacity', material%heat_capacity, error, default=1.0_wp, &
+               positive=.true.)
       if (allocated(error)) return
     end associate
     call file%group('initial', group)
@@ -255,7 +258,9 @@ contains
       if (allocated(error)) return
       if (group%has('step')) call get(group, 'step', time%step, error, positive=.true.)
       if (allocated(error)) return
-      if (group%has('tolerance')) call get(group, 'tolerance', time%tolerance, error, positive=.true.)
+      if (group%has('tolerance')) then
+        call get(group, 'tolerance', time%tolerance, error, positive=.true.)
+      end if
       if (allocated(error)) return
       if (group%has('step') .and. group%has('tolerance')) then
         call raise_at(error, group, 'tolerance', 'with a fixed step there is no error control; '// &

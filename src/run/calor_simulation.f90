@@ -1,5 +1,6 @@
 !> The heat driver: a scene becomes a cloud, the cloud an operator, the operator is stepped in time.
 module calor_simulation
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use calor_cloud, only: cloud_t
   use calor_conduction, only: conduction_t
   use calor_error, only: error_t, raise, status_bad_input
@@ -101,7 +102,8 @@ contains
     class(kernel_t), allocatable :: kernel
 
     if (.not. scene%time%end > 0) then
-      call raise(error, status_bad_input, scene%path//' has no group &time: add &time end = ... /, '// &
+      call raise(error, status_bad_input, &
+                 scene%path//' has no group &time: add &time end = ... /, '// &
                  'in seconds.')
       return
     end if
@@ -211,8 +213,8 @@ contains
 
     allocate (holder(this%cloud%particles()), source=0)
     do k = 1, size(this%scene%boundaries)
-      call mark_boundary(this%cloud, this%scene%boundaries(k)%on, this%scene%boundaries(k)%place, k, &
-                         holder, error)
+      call mark_boundary(this%cloud, this%scene%boundaries(k)%on, &
+                         this%scene%boundaries(k)%place, k, holder, error)
       if (allocated(error)) return
     end do
     call check_walls(this%cloud, holder, error)
@@ -304,7 +306,7 @@ contains
     integer :: k
 
     do k = 1, size(values)
-      if (abs(values(k)) <= huge(1.0_wp)) cycle
+      if (ieee_is_finite(values(k))) cycle
       call raise(error, status_bad_input, place//': the expression '''//expression// &
                  ''' gives no number at ('//to_text(x(k), digits=6)//', '// &
                  to_text(y(k), digits=6)//').')
@@ -334,8 +336,8 @@ contains
         if (allocated(error)) return
         allocate (exact(cloud%particles()))
         call this%exact%evaluate(cloud%x, cloud%y, 0.0_wp, values=exact)
-        call check_values(scene%exact_expression, '&scene exact_expression', exact, cloud%x, cloud%y, &
-                          error)
+        call check_values(scene%exact_expression, '&scene exact_expression', exact, cloud%x, &
+                          cloud%y, error)
         if (allocated(error)) return
       end if
       call this%conduction%note_range(this%temperature)
@@ -369,7 +371,8 @@ contains
     if (this%fewest_neighbours == 0) then
       row = int(minloc(list%first(2:) - list%first(:list%rows()), dim=1))
       associate (particle => list%target(row))
-        call raise(error, status_bad_input, 'Particle '//to_text(this%cloud%user_index(particle))// &
+        call raise(error, status_bad_input, &
+                   'Particle '//to_text(this%cloud%user_index(particle))// &
                    ' at ('//to_text(this%cloud%x(particle), digits=6)//', '// &
                    to_text(this%cloud%y(particle), digits=6)//') has no neighbour within the '// &
                    'support radius of '//to_text(this%support_radius, digits=4)//' m: raise '// &
@@ -401,9 +404,9 @@ contains
       if (time%step > 0) then
         if (time%step > this%stability_limit) then
           call raise(error, status_bad_input, '&time step = '//to_text(time%step)// &
-                     ' s is beyond the stability limit of '//trim(time%method)//' on this cloud, '// &
-                     to_text(this%stability_limit, digits=4)//' s: take a smaller step, or leave '// &
-                     'step out and let the program choose.')
+                     ' s is beyond the stability limit of '//time%method//' on this cloud, '// &
+                     to_text(this%stability_limit, digits=4)//' s: take a smaller step, or '// &
+                     'leave step out and let the program choose.')
           return
         end if
         stepper%longest_step = time%step

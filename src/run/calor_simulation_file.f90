@@ -138,13 +138,15 @@ contains
         else
           call this%file%write_field('error', ordered - truth, error)
         end if
+      case default
+        continue
       end select
       if (allocated(error)) return
     end do
     call this%file%flush(error)
     if (allocated(error)) return
     this%states = this%states + 1
-    ! The state after the first: the run works, so the file takes its place and replaces an older one.
+    ! A second state: the run works, so the file takes its place, that of an older one perhaps.
     if (this%states == 2) call this%file%publish(error)
   end subroutine write_state
 

@@ -28,7 +28,9 @@ contains
     end do
     associate (last => lines(size(lines)))
       last%value = 'Nothing was written: &operators has no file.'
-      if (study%scene%operators%file /= '') last%value = 'Written to '//study%scene%operators%file//'.'
+      if (study%scene%operators%file /= '') then
+        last%value = 'Written to '//study%scene%operators%file//'.'
+      end if
     end associate
   end function describe_derivatives
 

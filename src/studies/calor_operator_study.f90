@@ -1,5 +1,6 @@
 !> Derivatives of a given field by any scheme on any cloud: `calor operators`.
 module calor_operator_study
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use calor_cloud, only: cloud_t
   use calor_error, only: error_t, raise, status_bad_input
   use calor_expression, only: expression_t, compile_expression
@@ -115,7 +116,8 @@ contains
     call make_gradient_scheme(name, scheme, error)
     if (allocated(error)) return
     associate (cloud => study%cloud)
-      call scheme%assemble(kernel, cloud%x, cloud%y, cloud%volume, radius, list, gradient_x, gradient_y)
+      call scheme%assemble(kernel, cloud%x, cloud%y, cloud%volume, radius, list, gradient_x, &
+                           gradient_y)
       derivative%name = 'gradient_'//name
       allocate (derivative%values(cloud%particles(), 2))
     end associate
@@ -208,7 +210,7 @@ contains
     if (allocated(error)) return
     allocate (values(cloud%particles()))
     call expression%evaluate(cloud%x, cloud%y, 0.0_wp, values=values)
-    if (.not. all(abs(values) <= huge(1.0_wp))) then
+    if (.not. all(ieee_is_finite(values))) then
       call raise(error, status_bad_input, 'The expression '''//text// &
                  ''' gives no number at some particle.')
     end if

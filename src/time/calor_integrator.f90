@@ -39,7 +39,8 @@ module calor_integrator
       logical :: answer
     end function knows_interface
 
-    subroutine advance_interface(this, evolution, time, step, spectral_radius, u, u_next, local_error)
+    subroutine advance_interface(this, evolution, time, step, spectral_radius, u, u_next, &
+                                 local_error)
       import :: integrator_t, evolution_t, wp
       implicit none (type, external)
       class(integrator_t), intent(inout) :: this

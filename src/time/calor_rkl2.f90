@@ -123,8 +123,9 @@ contains
     call evolution%rate(time + step, u_next, this%rate_end)
     this%evaluations = this%evaluations + stages
 
-    ! The step's error is (c - 1/6) u''' Δt³, c being the third coefficient of the method's stability
-    ! polynomial. The trapezoidal rule misses u''' Δt³/12 the other way: its defect shows the sum.
+    ! The step's error is (c - 1/6) u''' Δt³, c being the third coefficient of the method's
+    ! stability polynomial. The trapezoidal rule misses u''' Δt³/12 the other way: its defect shows
+    ! the sum.
     this%rate_stage = u - u_next + 0.5_wp*step*(this%rate_start + this%rate_end)
     call evolution%clear_prescribed(this%rate_stage)
     c = third_coefficient(stages)
@@ -148,7 +149,8 @@ contains
     if (j > 2) b = (real(j, wp)**2 + j - 2)/(2*real(j, wp)*(j + 1))
   end function weight_b
 
-  !> Coefficient of z³ in the stability polynomial, b_s w₁³ P_s'''(1)/6: 1/9 for many stages, not 1/6.
+  !> Coefficient of z³ in the stability polynomial, b_s w₁³ P_s'''(1)/6: towards 1/9, not
+  !> 1/6.
   pure function third_coefficient(stages) result(c)
     integer, intent(in) :: stages
     real(wp) :: c

@@ -56,7 +56,7 @@ contains
     this%stage = u
     do j = 1, 4
       call evolution%rate(time + node(j)*step, this%stage, this%slope)
-      ! Where the next stage lies; there is none after the fourth, and what is made of it is not used
+      ! Where the next stage lies; after the fourth there is none and its result is not used
       next = node(min(j + 1, 4))*step
       !$omp parallel do schedule(static) default(shared) private(k)
       do k = 1, size(u)

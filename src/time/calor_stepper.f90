@@ -122,7 +122,7 @@ contains
     this%accumulated_error = this%accumulated_error + local_error
   end subroutine try_step
 
-  !> A small trial step shows the error of a step; half of what the tolerance allows by it comes first.
+  !> A small trial step shows the error of a step; the first is half of what the tolerance allows.
   subroutine propose_first(this, evolution, time, u)
     class(stepper_t), intent(inout) :: this
     class(evolution_t), intent(inout) :: evolution
