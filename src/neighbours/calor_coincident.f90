@@ -26,13 +26,33 @@ contains
     second = 0
     reach = 0
     if (present(tolerance)) reach = tolerance
-    call build_cell_list(x, y, reach, cells)
+    call build_cells(x, y, reach, cells)
     do first = 1, size(x, kind=ip) - 1
       call find_partner(cells, first, x(first), y(first), reach, second)
       if (second > 0) return
     end do
     first = 0
   end subroutine find_coincident
+
+  !> Sort particles into cells so small that none holds many particles at different places.
+  subroutine build_cells(x, y, reach, cells)
+    real(wp), intent(in) :: x(:), y(:), reach
+    type(cell_list_t), intent(out) :: cells
+    integer(ip), parameter :: many = 64
+    real(wp) :: height, width
+
+    if (size(x) == 0) then
+      call build_cell_list(x, y, reach, cells)
+      return
+    end if
+    ! About one particle per cell does for most clouds, and keeps near particles near in memory
+    width = maxval(x) - minval(x)
+    height = maxval(y) - minval(y)
+    call build_cell_list(x, y, max(reach, max(width, height)/size(x), &
+                                   sqrt(width/size(x))*sqrt(height)), cells)
+    if (maxval(cells%first(2:) - cells%first(:cells%buckets)) <= many) return
+    call build_cell_list(x, y, reach, cells)
+  end subroutine build_cells
 
   !> The lowest number above `particle` within a distance, or 0.
   pure subroutine find_partner(cells, particle, x, y, reach, partner)

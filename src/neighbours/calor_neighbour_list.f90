@@ -30,8 +30,9 @@ module calor_neighbour_list
   !> row; with `targets`, only those particles get a row (their neighbours may be any particles).
   !> Particle j is listed for target i where |r_i - r_j|² < radius², so one radius for all gives
   !> symmetric lists, and particles at the same place are neighbours. A radius of zero or less
-  !> finds none. Time and memory are O(N + neighbours) for every arrangement of particles, and the
-  !> result does not depend on the number of threads. Coordinates have to be finite.
+  !> finds none. Time and memory are O(N + neighbours) for every arrangement of particles; where
+  !> radii differ, one sort of all particles is added for each octave (factor of 2) of radii in use.
+  !> The result does not depend on the number of threads. Coordinates have to be finite.
   interface build_neighbour_list
     module subroutine build_with_one_radius(x, y, radius, list, targets)
       implicit none (type, external)

@@ -7,7 +7,13 @@
 !> all rows are known.
 submodule(calor_neighbour_list) calor_neighbour_search
   use calor_cell_list, only: cell_list_t, build_cell_list, counting_sort
+  use calor_huge_pages, only: prefer_huge_pages
+  use omp_lib, only: omp_get_max_threads
   implicit none (type, external)
+
+  !> No radius is larger than 2 edges of a cell, so that at most 7 rows of cells are looked through,
+  !> each of them in at most 2 ranges of buckets
+  integer, parameter :: most_ranges = 14
 
   !> Rows that one thread searches in one go, and what it found
   type :: chunk_t
@@ -21,6 +27,9 @@ submodule(calor_neighbour_list) calor_neighbour_search
   type :: candidates_t
     !> How many there are
     integer :: number = 0
+    !> Ranges of buckets that they were taken from
+    integer :: ranges = 0
+    integer(ip) :: from(most_ranges), to(most_ranges)
     !> Particle numbers
     integer(ip), allocatable :: particle(:)
     !> Coordinates, m
@@ -28,10 +37,16 @@ submodule(calor_neighbour_list) calor_neighbour_search
     !> The same as they come from the cells
     integer(ip), allocatable :: raw_particle(:)
     real(wp), allocatable :: raw_x(:), raw_y(:)
+    !> Particle number times 2³² plus place among the unsorted
+    integer(i8), allocatable :: key(:), spare(:)
+    !> Where ascending runs of keys begin, and one past the end
+    integer, allocatable :: run(:)
   end type candidates_t
 
-  !> Rows per chunk: enough to make the administration cheap, few enough to share them out evenly
-  integer, parameter :: chunk_rows = 4096
+  !> Fewest rows that make a chunk worth its administration
+  integer, parameter :: least_rows = 1024
+  !> Chunks for each thread: enough to share the work out evenly
+  integer, parameter :: chunks_per_thread = 8
   !> Up to so many candidates, comparing each with each is faster than merging
   integer, parameter :: most_to_rank = 128
   !> Particles that are ranked at a time
@@ -55,7 +70,7 @@ contains
     type(chunk_t), allocatable :: chunks(:)
     integer(ip), allocatable :: octave_row(:), octave_first(:)
     integer(i8) :: place, length
-    integer :: chunk, chunks_done, octave, row, rows
+    integer :: chunk, chunk_rows, chunks_done, octave, row, rows
 
     rows = size(x)
     if (present(targets)) rows = size(targets)
@@ -67,12 +82,13 @@ contains
     if (present(targets)) list%target = targets
 
     call sort_by_octave(radius, rows, octave_first, octave_row)
+    chunk_rows = max(least_rows, rows/(chunks_per_thread*omp_get_max_threads()))
     allocate (chunks(rows/chunk_rows + size(octave_first)))
     chunks_done = 0
     do octave = 1, size(octave_first) - 1
       associate (from => octave_first(octave), to => octave_first(octave + 1) - 1)
         if (to < from) cycle
-        call search_octave(x, y, radius, list%target, octave_row(from:to), &
+        call search_octave(x, y, radius, list%target, octave_row(from:to), chunk_rows, &
                            .not. present(targets) .and. to - from + 1 == rows, &
                            list%first, chunks, chunks_done)
       end associate
@@ -86,6 +102,7 @@ contains
     end do
     list%first(rows + 1) = place
     allocate (list%index(place - 1))
+    call prefer_huge_pages(list%index)
     !$omp parallel do default(none) shared(chunks, chunks_done, list) schedule(dynamic)
     do chunk = 1, chunks_done
       call put_in_place(chunks(chunk), list%first, list%index)
@@ -140,12 +157,15 @@ contains
   end subroutine sort_by_octave
 
   !> Search for the neighbours of some rows of similar radius.
-  subroutine search_octave(x, y, radius, target, rows, everyone, length, chunks, chunks_done)
+  subroutine search_octave(x, y, radius, target, rows, chunk_rows, everyone, length, &
+                           chunks, chunks_done)
     real(wp), intent(in) :: x(:), y(:), radius(:)
     !> The particle of each row of the list
     integer(ip), intent(in) :: target(:)
     !> The rows to be searched
     integer(ip), intent(in) :: rows(:)
+    !> Rows per chunk
+    integer, intent(in) :: chunk_rows
     !> Whether these are all particles in their own order
     logical, intent(in) :: everyone
     !> Number of neighbours of each row of the list
@@ -160,8 +180,8 @@ contains
 
     call build_cell_list(x, y, cell_size(radius, rows), cells)
     if (everyone) then
-      call search_chunks(cells, x, y, radius, target, cells%first, cells%particle, length, &
-                         chunks, chunks_done)
+      call search_chunks(cells, x, y, radius, target, cells%first, cells%particle, chunk_rows, &
+                         length, chunks, chunks_done)
     else
       allocate (key(size(rows)))
       do k = 1, size(rows)
@@ -169,7 +189,8 @@ contains
       end do
       call counting_sort(key, cells%buckets, first, order)
       order = rows(order)
-      call search_chunks(cells, x, y, radius, target, first, order, length, chunks, chunks_done)
+      call search_chunks(cells, x, y, radius, target, first, order, chunk_rows, length, &
+                         chunks, chunks_done)
     end if
   end subroutine search_octave
 
@@ -199,13 +220,16 @@ contains
   end function cell_size
 
   !> Search for the neighbours of rows that are sorted by the buckets of their targets.
-  subroutine search_chunks(cells, x, y, radius, target, first, row, length, chunks, chunks_done)
+  subroutine search_chunks(cells, x, y, radius, target, first, row, chunk_rows, length, &
+                           chunks, chunks_done)
     type(cell_list_t), intent(in) :: cells
     real(wp), intent(in) :: x(:), y(:), radius(:)
     !> The particle of each row of the list
     integer(ip), intent(in) :: target(:)
     !> Where each bucket begins in `row`, and the rows
     integer(ip), intent(in) :: first(:), row(:)
+    !> Rows per chunk
+    integer, intent(in) :: chunk_rows
     !> Number of neighbours of each row of the list
     integer(i8), intent(inout) :: length(:)
     type(chunk_t), intent(inout) :: chunks(:)
@@ -214,7 +238,8 @@ contains
 
     chunks_new = (size(row) + chunk_rows - 1)/chunk_rows
     !$omp parallel do default(none) private(from, to) schedule(dynamic) &
-    !$omp shared(chunks_new, chunks_done, chunks, cells, x, y, radius, target, first, row, length)
+    !$omp shared(chunks_new, chunks_done, chunk_rows, chunks, cells, x, y, radius, target) &
+    !$omp shared(first, row, length)
     do chunk = 1, chunks_new
       from = (chunk - 1)*chunk_rows + 1
       to = min(chunk*chunk_rows, size(row))
@@ -241,7 +266,9 @@ contains
     integer :: k, last, particle, slot
 
     chunk%row = row(from:to)
-    allocate (chunk%found(32*size(chunk%row)))
+    ! Room for a usual number of neighbours. What is not used costs nothing.
+    allocate (chunk%found(32_i8*size(chunk%row)))
+    call prefer_huge_pages(chunk%found)
     found = 0
     last = from - 1
     do while (last < to)
@@ -331,36 +358,71 @@ contains
     real(wp), intent(in) :: reach
     type(candidates_t), intent(inout) :: candidates
     integer(i8) :: from_column, row_of_cells, steps, to_column
-    integer(ip) :: from(2), place, to(2)
-    integer :: number, range, ranges
+    integer(ip) :: from(2), to(2)
+    integer :: range, ranges
 
     ! Columns and rows of two particles within reach differ by no more. The summand covers what
     ! rounding moves a particle on a grid of 2⁴⁰ columns.
     steps = 1 + int(min(reach*cells%per_length + 2.0_wp**(-11), 2.0_wp**41), i8)
     from_column = max(column - steps, 0_i8)
     to_column = min(column + steps, cells%columns - 1)
-    number = 0
+    candidates%number = 0
+    candidates%ranges = 0
     do row_of_cells = max(row - steps, 0_i8), min(row + steps, cells%rows - 1)
       call cells%bucket_ranges(from_column, to_column, row_of_cells, from, to, ranges)
       do range = 1, ranges
-        call reserve(candidates, number, &
-                     number + cells%first(to(range) + 1) - cells%first(from(range)))
-        do place = cells%first(from(range)), cells%first(to(range) + 1) - 1
-          number = number + 1
-          candidates%raw_particle(number) = cells%particle(place)
-          candidates%raw_x(number) = cells%x(place)
-          candidates%raw_y(number) = cells%y(place)
-        end do
+        if (cells%shared) then
+          call take_new_buckets(cells, from(range), to(range), candidates)
+        else
+          call take_buckets(cells, from(range), to(range), candidates)
+        end if
       end do
     end do
-    candidates%number = number
-    if (number <= most_to_rank .and. .not. cells%shared) then
-      call sort_by_ranking(number, candidates%raw_particle, candidates%raw_x, candidates%raw_y, &
-                           candidates%particle, candidates%x, candidates%y)
+    if (candidates%number <= most_to_rank) then
+      call sort_by_ranking(candidates%number, candidates%raw_particle, candidates%raw_x, &
+                           candidates%raw_y, candidates%particle, candidates%x, candidates%y)
     else
       call sort_by_merging(candidates)
     end if
   end subroutine gather_candidates
+
+  !> Append the particles of a range of buckets, unsorted.
+  pure subroutine take_buckets(cells, from, to, candidates)
+    type(cell_list_t), intent(in) :: cells
+    !> First and last bucket
+    integer(ip), intent(in) :: from, to
+    type(candidates_t), intent(inout) :: candidates
+    integer :: number, place
+
+    number = candidates%number
+    call reserve(candidates, number + cells%first(to + 1) - cells%first(from))
+    do place = cells%first(from), cells%first(to + 1) - 1
+      number = number + 1
+      candidates%raw_particle(number) = cells%particle(place)
+      candidates%raw_x(number) = cells%x(place)
+      candidates%raw_y(number) = cells%y(place)
+    end do
+    candidates%number = number
+  end subroutine take_buckets
+
+  !> Append the particles of those buckets of a range that were not in an earlier range.
+  pure subroutine take_new_buckets(cells, from, to, candidates)
+    type(cell_list_t), intent(in) :: cells
+    !> First and last bucket
+    integer(ip), intent(in) :: from, to
+    type(candidates_t), intent(inout) :: candidates
+    integer(ip) :: bucket
+
+    associate (ranges => candidates%ranges)
+      do bucket = from, to
+        if (any(bucket >= candidates%from(:ranges) .and. bucket <= candidates%to(:ranges))) cycle
+        call take_buckets(cells, bucket, bucket, candidates)
+      end do
+      ranges = ranges + 1
+      candidates%from(ranges) = from
+      candidates%to(ranges) = to
+    end associate
+  end subroutine take_new_buckets
 
   !> Sort a few different particles by counting for each how many have smaller numbers.
   pure subroutine sort_by_ranking(number, raw_particle, raw_x, raw_y, particle, x, y)
@@ -404,46 +466,28 @@ contains
     rank = count
   end subroutine rank_block
 
-  !> Sort any number of particles by merging ascending runs, and drop those that come twice.
+  !> Sort any number of particles by merging ascending runs.
   pure subroutine sort_by_merging(candidates)
     type(candidates_t), intent(inout) :: candidates
-    ! Particle number times 2³² plus place among the unsorted
-    integer(i8), allocatable :: key(:), spare(:)
-    integer, allocatable :: run(:)
-    integer(ip) :: before, this
-    integer :: k, number, place, runs
+    integer :: k, place, runs
 
-    associate (raw => candidates%raw_particle)
-      number = candidates%number
-      allocate (key(number), spare(number), run(number + 1))
-      runs = 0
-      before = huge(before)
-      do k = 1, number
-        if (raw(k) < before) then
-          runs = runs + 1
-          run(runs) = k
-        end if
-        before = raw(k)
-        key(k) = ior(ishft(int(before, i8), 32), int(k, i8))
-      end do
-    end associate
-    run(runs + 1) = number + 1
-    call merge_runs(key, spare, run, runs)
-
-    ! Rows of cells may share buckets, so that the same particles can come twice
-    number = 0
-    before = 0
+    runs = 1
+    candidates%run(1) = 1
     do k = 1, candidates%number
-      this = int(ishft(key(k), -32), ip)
-      if (this == before) cycle
-      before = this
-      number = number + 1
-      place = int(iand(key(k), 4294967295_i8))
-      candidates%particle(number) = this
-      candidates%x(number) = candidates%raw_x(place)
-      candidates%y(number) = candidates%raw_y(place)
+      candidates%key(k) = ior(ishft(int(candidates%raw_particle(k), i8), 32), int(k, i8))
+      if (k == 1) cycle
+      if (candidates%key(k) > candidates%key(k - 1)) cycle
+      runs = runs + 1
+      candidates%run(runs) = k
     end do
-    candidates%number = number
+    candidates%run(runs + 1) = candidates%number + 1
+    call merge_runs(candidates%key, candidates%spare, candidates%run, runs)
+    do k = 1, candidates%number
+      place = int(iand(candidates%key(k), 4294967295_i8))
+      candidates%particle(k) = int(ishft(candidates%key(k), -32), ip)
+      candidates%x(k) = candidates%raw_x(place)
+      candidates%y(k) = candidates%raw_y(place)
+    end do
   end subroutine sort_by_merging
 
   !> Merge neighbouring ascending runs until there is one.
@@ -541,11 +585,11 @@ contains
     call move_alloc(larger, found)
   end subroutine make_room
 
-  !> Make sure that so many candidates fit.
-  pure subroutine reserve(candidates, used, most)
+  !> Make sure that so many candidates fit, and keep those that are there unsorted.
+  pure subroutine reserve(candidates, most)
     type(candidates_t), intent(inout) :: candidates
-    !> How many there are and how many there will be
-    integer, intent(in) :: used, most
+    !> How many there will be
+    integer, intent(in) :: most
     type(candidates_t) :: larger
     integer :: size_new
 
@@ -555,10 +599,13 @@ contains
     size_new = max(2*most_to_rank, most + most/2)
     allocate (larger%particle(size_new), larger%x(size_new), larger%y(size_new))
     allocate (larger%raw_particle(size_new), larger%raw_x(size_new), larger%raw_y(size_new))
-    if (used > 0) then
-      larger%raw_particle(:used) = candidates%raw_particle(:used)
-      larger%raw_x(:used) = candidates%raw_x(:used)
-      larger%raw_y(:used) = candidates%raw_y(:used)
+    allocate (larger%key(size_new), larger%spare(size_new), larger%run(size_new + 1))
+    if (candidates%number > 0) then
+      associate (kept => candidates%number)
+        larger%raw_particle(:kept) = candidates%raw_particle(:kept)
+        larger%raw_x(:kept) = candidates%raw_x(:kept)
+        larger%raw_y(:kept) = candidates%raw_y(:kept)
+      end associate
     end if
     call move_alloc(larger%particle, candidates%particle)
     call move_alloc(larger%x, candidates%x)
@@ -566,6 +613,9 @@ contains
     call move_alloc(larger%raw_particle, candidates%raw_particle)
     call move_alloc(larger%raw_x, candidates%raw_x)
     call move_alloc(larger%raw_y, candidates%raw_y)
+    call move_alloc(larger%key, candidates%key)
+    call move_alloc(larger%spare, candidates%spare)
+    call move_alloc(larger%run, candidates%run)
   end subroutine reserve
 
   !> Copy what a chunk found to where it belongs in the list.
