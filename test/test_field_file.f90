@@ -458,7 +458,7 @@ contains
     close (unit)
     call check_place(error, folder//'nowhere/field.vtkhdf', &
                      'the folder '''//folder//'nowhere'' does not exist: create it or change '// &
-                     '&output file')
+                     'name another file')
     if (allocated(error)) return
     call check_place(error, folder//'a file/field.vtkhdf', ''''//folder//'a file'' is not a folder')
     if (allocated(error)) return

@@ -4,7 +4,8 @@ module test_process
   implicit none (type, external)
   private
 
-  public :: outcome_t, run_command, environment_or, contents_of, write_text, number_after, line_count
+  public :: outcome_t, run_command, environment_or, contents_of, write_text, number_after, &
+            line_count
 
   !> What a command did
   type :: outcome_t
@@ -16,8 +17,8 @@ module test_process
 
 contains
 
-  !> Run a command of the shell. Its standard output and error go through files named `trace`.out and
-  !> `trace`.err, which stay for whoever wants to look at them.
+  !> Run a command of the shell. Its standard output and error go through files named `trace`.out
+  !> and `trace`.err, which stay for whoever wants to look at them.
   subroutine run_command(command, trace, outcome)
     character(len=*), intent(in) :: command, trace
     type(outcome_t), intent(out) :: outcome
@@ -58,6 +59,7 @@ contains
       deallocate (text)
       allocate (character(len=bytes) :: text)
       read (unit, iostat=status) text
+      if (status /= 0) text = ''
     end if
     close (unit)
   end function contents_of

@@ -15,8 +15,8 @@ module calor_simulation
   use calor_prescribed, only: prescribed_t
   use calor_row_report, only: row_report_t
   use calor_scene, only: scene_t
-  use calor_scene_cloud, only: make_scene_cloud
-  use calor_simulation_file, only: simulation_file_t
+  use calor_scene_cloud, only: make_scene_cloud, require_neighbours
+  use calor_simulation_file, only: simulation_file_t, check_target
   use calor_spectral_radius, only: estimate_spectral_radius
   use calor_stepper, only: stepper_t
   use calor_stopwatch, only: stopwatch_t
@@ -108,6 +108,14 @@ contains
       return
     end if
     this%scene = scene
+    call check_target(scene%output%file, scene%output%place, scene, error)
+    if (allocated(error)) return
+    if (scene%output%every*huge(1) < scene%time%end .and. scene%output%every > 0) then
+      call raise(error, status_bad_input, scene%output%place//': every = '// &
+                 to_text(scene%output%every)//' s asks for more states than can be counted: '// &
+                 'raise it.')
+      return
+    end if
     call this%stopwatch%start('cloud')
     call make_kernel(scene%kernel, kernel, error)
     if (allocated(error)) return
@@ -217,7 +225,7 @@ contains
                          this%scene%boundaries(k)%place, k, holder, error)
       if (allocated(error)) return
     end do
-    call check_walls(this%cloud, holder, error)
+    call check_walls(this%scene%path, this%cloud, holder, error)
     if (allocated(error)) return
     allocate (this%conduction%prescribed(size(this%scene%boundaries)))
     do k = 1, size(this%scene%boundaries)
@@ -268,7 +276,9 @@ contains
   end subroutine mark_boundary
 
   !> Every wall particle must be held, and some particle must not be.
-  subroutine check_walls(cloud, holder, error)
+  subroutine check_walls(path, cloud, holder, error)
+    !> The scene
+    character(len=*), intent(in) :: path
     type(cloud_t), intent(in) :: cloud
     integer, intent(in) :: holder(:)
     type(error_t), allocatable, intent(out) :: error
@@ -276,13 +286,13 @@ contains
     integer :: bit
 
     if (all(cloud%side == 0)) then
-      call raise(error, status_bad_input, 'No particle of the cloud is marked as a wall, so no '// &
-                 'temperature can be held: give its file a column ''wall'' with 1 for the '// &
-                 'particles on the boundary.')
+      call raise(error, status_bad_input, path//': no particle of the cloud is marked as '// &
+                 'a wall, so no temperature can be held: give its file a column ''wall'' with '// &
+                 '1 for the particles on the boundary.')
       return
     end if
     if (all(cloud%side /= 0)) then
-      call raise(error, status_bad_input, 'All '//to_text(cloud%particles())// &
+      call raise(error, status_bad_input, path//': all '//to_text(cloud%particles())// &
                  ' particles lie on the boundary: lower &domain spacing.')
       return
     end if
@@ -293,7 +303,7 @@ contains
       end if
     end do
     if (names /= '') then
-      call raise(error, status_bad_input, 'Nothing is said about the boundary'//names// &
+      call raise(error, status_bad_input, path//': nothing is said about the boundary'//names// &
                  ': add a group &boundary with on, kind = ''temperature'' and value.')
     end if
   end subroutine check_walls
@@ -327,7 +337,7 @@ contains
         call compile_expression(scene%initial_expression, initial, error)
         if (allocated(error)) return
         call initial%evaluate(cloud%x, cloud%y, 0.0_wp, values=this%temperature)
-        call check_values(scene%initial_expression, '&initial temperature_expression', &
+        call check_values(scene%initial_expression, scene%path//': &initial', &
                           this%temperature, cloud%x, cloud%y, error)
         if (allocated(error)) return
       end if
@@ -336,7 +346,7 @@ contains
         if (allocated(error)) return
         allocate (exact(cloud%particles()))
         call this%exact%evaluate(cloud%x, cloud%y, 0.0_wp, values=exact)
-        call check_values(scene%exact_expression, '&scene exact_expression', exact, cloud%x, &
+        call check_values(scene%exact_expression, scene%path//': &scene', exact, cloud%x, &
                           cloud%y, error)
         if (allocated(error)) return
       end if
@@ -357,7 +367,7 @@ contains
     type(neighbour_list_t) :: list
     integer(ip), allocatable :: free(:)
     real(wp), allocatable :: radius(:)
-    integer :: k, row
+    integer :: k
 
     call make_laplacian_scheme(this%scene%laplacian, scheme, error)
     if (allocated(error)) return
@@ -365,21 +375,11 @@ contains
     free = pack([(int(k, ip), k=1, this%cloud%particles())], this%cloud%side == 0)
     allocate (radius(this%cloud%particles()), source=this%support_radius)
     call build_neighbour_list(this%cloud%x, this%cloud%y, radius(free), list, free)
+    call require_neighbours(this%scene, this%cloud, list, error)
+    if (allocated(error)) return
     this%fewest_neighbours = int(minval(list%first(2:) - list%first(:list%rows())))
     this%most_neighbours = list%longest_row()
     this%mean_neighbours = real(size(list%index), wp)/list%rows()
-    if (this%fewest_neighbours == 0) then
-      row = int(minloc(list%first(2:) - list%first(:list%rows()), dim=1))
-      associate (particle => list%target(row))
-        call raise(error, status_bad_input, &
-                   'Particle '//to_text(this%cloud%user_index(particle))// &
-                   ' at ('//to_text(this%cloud%x(particle), digits=6)//', '// &
-                   to_text(this%cloud%y(particle), digits=6)//') has no neighbour within the '// &
-                   'support radius of '//to_text(this%support_radius, digits=4)//' m: raise '// &
-                   '&kernel support, which is '//to_text(this%scene%support)//'.')
-      end associate
-      return
-    end if
     call this%stopwatch%start('assembly')
     call scheme%assemble(kernel, this%cloud%x, this%cloud%y, this%cloud%volume, radius, list, &
                          this%conduction%laplacian, this%report)
@@ -403,7 +403,7 @@ contains
       this%stability_limit = stepper%integrator%longest_stable_step(stepper%spectral_radius)
       if (time%step > 0) then
         if (time%step > this%stability_limit) then
-          call raise(error, status_bad_input, '&time step = '//to_text(time%step)// &
+          call raise(error, status_bad_input, time%place//': step = '//to_text(time%step)// &
                      ' s is beyond the stability limit of '//time%method//' on this cloud, '// &
                      to_text(this%stability_limit, digits=4)//' s: take a smaller step, or '// &
                      'leave step out and let the program choose.')
@@ -419,12 +419,17 @@ contains
         call stepper%propose_first(this%conduction, 0.0_wp, this%temperature)
       else
         if (time%tolerance > 0) then
-          call raise(error, status_bad_input, '&time tolerance: '//trim(time%method)// &
+          call raise(error, status_bad_input, time%place//': tolerance: '//trim(time%method)// &
                      ' does not estimate its error. Leave tolerance out, or take method = '// &
                      '''auto'' or ''rkl2''.')
           return
         end if
         stepper%longest_step = safe_part*this%stability_limit
+      end if
+      if (stepper%longest_step*huge(1) < time%end) then
+        call raise(error, status_bad_input, time%place//': steps of at most '// &
+                   to_text(stepper%longest_step, digits=3)//' s to end = '//to_text(time%end)// &
+                   ' s would be more than can be counted: lower end.')
       end if
     end associate
   end subroutine choose_steps
