@@ -9,8 +9,8 @@ module calor_memory_need
 
   public :: memory_need, check_memory, size_text
 
-  !> Measured at the highest, which is the assembly. A neighbour is listed with its weight, and listed
-  !> once more while that happens; a particle has place, volume, order, state and stages.
+  !> Measured at the highest, which is the assembly. A neighbour is listed with its weight, and
+  !> listed once more while that happens; a particle has place, volume, order, state and stages.
   real(wp), parameter :: bytes_per_neighbour = 16, bytes_per_particle = 160
 
 contains
