@@ -178,7 +178,8 @@ contains
 
     do k = 1, size(commands)
       if (commands(k)%name == command) then
-        call say('calor '//command//' '//trim(place_holder(command))//': '//trim(commands(k)%summary))
+        call say('calor '//command//' '//trim(place_holder(command))//': '// &
+                 trim(commands(k)%summary))
       end if
     end do
     call say('')

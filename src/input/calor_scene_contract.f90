@@ -398,8 +398,8 @@ contains
     associate (given => group%entries(group%find(key))%values)
       do k = 1, size(given)
         if (.not. is_among(lower_case(given(k)%text), values)) cycle
-        call raise_at(error, group, key, ''''//given(k)%text//''' is part of the scene format, but '// &
-                      'this version of calor does not have it yet; take another.')
+        call raise_at(error, group, key, ''''//given(k)%text//''' is part of the scene format, '// &
+                      'but this version of calor does not have it yet; take another.')
         return
       end do
     end associate

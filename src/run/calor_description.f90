@@ -217,8 +217,8 @@ contains
       states = 2
       if (out%every > 0) states = 1 + max(1, ceiling(simulation%scene%time%end/out%every))
       ! A particle's place, cell and static fields take 57 bytes, a field of a state 8.
-      text = out%file//': '//join(out%fields, ', ')//' at '//count_text(states)//' times, about '// &
-             size_text(57.0_wp*n + 8.0_wp*n*states*size(out%fields))
+      text = out%file//': '//join(out%fields, ', ')//' at '//count_text(states)//' times, '// &
+             'about '//size_text(57.0_wp*n + 8.0_wp*n*states*size(out%fields))
     end associate
   end function output
 
