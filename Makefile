@@ -11,7 +11,7 @@
 SHELL := /bin/bash
 
 RELEASE_FLAGS := -O3 -march=native
-CHECKED_FLAGS := -Og -g -fcheck=all -finit-real=snan -ffpe-trap=invalid,zero,overflow \
+CHECKED_FLAGS := -Og -g -fcheck=all,no-array-temps -finit-real=snan -ffpe-trap=invalid,zero,overflow \
   -fsanitize=address,undefined -fno-sanitize-recover=undefined \
   -Wall -Wextra -Wimplicit-interface -Wno-maybe-uninitialized -Wno-compare-reals
 

@@ -320,7 +320,7 @@ contains
         case_t('&boundary on = ''lefft'' value = 0 /', 2, 'line 7: &boundary on|''left'''), &
         case_t('&boundary on = ''left'' value = 0 /', 2, 'nothing is said|''right''|''top'''), &
         case_t('&time end = -1 /', 2, 'line 8: &time end|greater than 0'), &
-        case_t('&material conductivity = 1e300 /', 2, 'line 8: &time|more than can be counted'), &
+        case_t('&material conductivity = 1e300 /', 2, 'line 8: &time|cannot be stepped to'), &
         case_t('&time end = 1 step = 1 method = ''forward_euler'' /', 2, &
                'line 8: &time|step = 1 s|stability limit|0.003'), &
         case_t('&time end = 1 step = 1e-12 /', 2, 'line 8: &time|more than can be counted'), &

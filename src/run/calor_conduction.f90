@@ -1,5 +1,6 @@
 !> Heat conduction in a body of constant material: u_t = κ/(ρc) ∇²u, held temperatures on walls.
 module calor_conduction
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use calor_error, only: error_t, raise, status_bad_numbers
   use calor_evolution, only: evolution_t
   use calor_kinds, only: wp
@@ -136,6 +137,8 @@ contains
     real(wp), intent(in) :: temperature(:)
 
     if (size(temperature) == 0) return
+    ! An expression without a value: the stepper notices what comes of it
+    if (.not. all(ieee_is_finite(temperature))) return
     this%lowest = min(this%lowest, minval(temperature))
     this%highest = max(this%highest, maxval(temperature))
   end subroutine note_range

@@ -28,6 +28,8 @@ module calor_simulation
 
   !> Explicit methods without error control step at this part of their stability limit
   real(wp), parameter :: safe_part = 0.9_wp
+  !> What would take more steps of forward Euler is out of reach of every method
+  real(wp), parameter :: most_euler_steps = 1.0e15_wp
   !> Error of one step, as a part of the range of given temperatures, where the scene gives none
   real(wp), parameter :: default_tolerance = 1.0e-6_wp
 
@@ -392,13 +394,19 @@ contains
   subroutine choose_steps(this, error)
     class(simulation_t), intent(inout) :: this
     type(error_t), allocatable, intent(out) :: error
-    real(wp) :: scale
+    real(wp) :: bound, scale
 
     associate (time => this%scene%time, stepper => this%stepper)
       call make_integrator(time%method, stepper%integrator, error)
       if (allocated(error)) return
-      stepper%spectral_radius = estimate_spectral_radius(this%conduction, &
-                                                         this%conduction%spectral_bound())
+      bound = this%conduction%spectral_bound()
+      if (bound > most_euler_steps/time%end) then
+        call raise(error, status_bad_input, time%place//': end = '//to_text(time%end)// &
+                   ' s cannot be stepped to: heat crosses a particle spacing in about '// &
+                   to_text(1/bound, digits=2)//' s. Lower end, or look at &material.')
+        return
+      end if
+      stepper%spectral_radius = estimate_spectral_radius(this%conduction, bound)
       stepper%spectral_radius = max(stepper%spectral_radius, 1.0e-6_wp/time%end)
       this%stability_limit = stepper%integrator%longest_stable_step(stepper%spectral_radius)
       if (time%step > 0) then

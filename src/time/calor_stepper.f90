@@ -1,5 +1,6 @@
 !> From one time to another: which steps are taken.
 module calor_stepper
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use calor_error, only: error_t, raise, status_bad_numbers
   use calor_evolution, only: evolution_t
   use calor_integrator, only: integrator_t
@@ -108,12 +109,16 @@ contains
     call this%integrator%advance(evolution, time, step, this%spectral_radius, u, this%u_next, &
                                  local_error)
     if (this%tolerance > 0) then
-      ! The local error of the second-order method goes with the third power of the step.
-      factor = 0.9_wp*(this%tolerance/max(local_error, tiny(1.0_wp)))**(1.0_wp/3)
-      this%finite = local_error <= huge(local_error)
-      if (.not. this%finite) factor = 0.1_wp
+      factor = 0.1_wp
+      this%finite = ieee_is_finite(local_error)
+      if (this%finite) then
+        ! The local error of the second-order method goes with the third power of the step.
+        factor = 0.9_wp*(this%tolerance/max(local_error, tiny(1.0_wp)))**(1.0_wp/3)
+      else
+        local_error = huge(local_error)
+      end if
       this%proposed = step*min(3.0_wp, max(0.1_wp, factor))
-      if (.not. local_error <= this%tolerance) then
+      if (local_error > this%tolerance) then
         this%rejected = this%rejected + 1
         return
       end if
