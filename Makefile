@@ -51,7 +51,7 @@ examples: set-up ## the programs of example/, in build/examples
 
 test: build examples ## all tests; SUITE=text runs one suite, TEST="numbers as text" one test of it
 	@tools/drop_stale.sh
-	@$(FPM) test $(FPM_OPTIONS) -- $(SUITE) $(if $(TEST),"$(TEST)")
+	@$(FPM) test $(FPM_OPTIONS) -- $(if $(SUITE),"$(SUITE)") $(if $(TEST),"$(TEST)")
 
 # Leak detection needs ptrace, which many containers forbid.
 test-checked: ## all tests in a build with run-time checks and sanitizers (slow)

@@ -17,8 +17,8 @@ module calor_simulation
   use calor_row_quality, only: measure_rows
   use calor_row_report, only: row_report_t
   use calor_scene, only: scene_t
-  use calor_scene_cloud, only: make_scene_cloud
-  use calor_simulation_file, only: simulation_file_t
+  use calor_scene_cloud, only: make_scene_cloud, require_neighbours
+  use calor_simulation_file, only: simulation_file_t, check_target
   use calor_spectral_radius, only: estimate_spectral_radius
   use calor_stable_rows, only: assemble_stable_rows, row_repairs_t, as_written, inexact_stencil
   use calor_stepper, only: stepper_t
@@ -124,6 +124,14 @@ contains
       return
     end if
     this%scene = scene
+    call check_target(scene%output%file, scene%output%place, scene, error)
+    if (allocated(error)) return
+    if (scene%output%every*huge(1) < scene%time%end .and. scene%output%every > 0) then
+      call raise(error, status_bad_input, scene%output%place//': every = '// &
+                 to_text(scene%output%every)//' s asks for more states than can be counted: '// &
+                 'raise it.')
+      return
+    end if
     call this%stopwatch%start('cloud')
     call make_kernel(scene%kernel, kernel, error)
     if (allocated(error)) return
@@ -269,7 +277,7 @@ contains
                          this%scene%boundaries(k)%place, k, holder, error)
       if (allocated(error)) return
     end do
-    call check_walls(this%cloud, holder, error)
+    call check_walls(this%scene%path, this%cloud, holder, error)
     if (allocated(error)) return
     allocate (this%conduction%prescribed(size(this%scene%boundaries)))
     do k = 1, size(this%scene%boundaries)
@@ -320,7 +328,9 @@ contains
   end subroutine mark_boundary
 
   !> Every wall particle must be held, and some particle must not be.
-  subroutine check_walls(cloud, holder, error)
+  subroutine check_walls(path, cloud, holder, error)
+    !> The scene
+    character(len=*), intent(in) :: path
     type(cloud_t), intent(in) :: cloud
     integer, intent(in) :: holder(:)
     type(error_t), allocatable, intent(out) :: error
@@ -328,13 +338,13 @@ contains
     integer :: bit
 
     if (all(cloud%side == 0)) then
-      call raise(error, status_bad_input, 'No particle of the cloud is marked as a wall, so no '// &
-                 'temperature can be held: give its file a column ''wall'' with 1 for the '// &
-                 'particles on the boundary.')
+      call raise(error, status_bad_input, path//': no particle of the cloud is marked as '// &
+                 'a wall, so no temperature can be held: give its file a column ''wall'' with '// &
+                 '1 for the particles on the boundary.')
       return
     end if
     if (all(cloud%side /= 0)) then
-      call raise(error, status_bad_input, 'All '//to_text(cloud%particles())// &
+      call raise(error, status_bad_input, path//': all '//to_text(cloud%particles())// &
                  ' particles lie on the boundary: lower &domain spacing.')
       return
     end if
@@ -345,7 +355,7 @@ contains
       end if
     end do
     if (names /= '') then
-      call raise(error, status_bad_input, 'Nothing is said about the boundary'//names// &
+      call raise(error, status_bad_input, path//': nothing is said about the boundary'//names// &
                  ': add a group &boundary with on, kind = ''temperature'' and value.')
     end if
   end subroutine check_walls
@@ -379,7 +389,7 @@ contains
         call compile_expression(scene%initial_expression, initial, error)
         if (allocated(error)) return
         call initial%evaluate(cloud%x, cloud%y, 0.0_wp, values=this%temperature)
-        call check_values(scene%initial_expression, '&initial temperature_expression', &
+        call check_values(scene%initial_expression, scene%path//': &initial', &
                           this%temperature, cloud%x, cloud%y, error)
         if (allocated(error)) return
       end if
@@ -388,7 +398,7 @@ contains
         if (allocated(error)) return
         allocate (exact(cloud%particles()))
         call this%exact%evaluate(cloud%x, cloud%y, 0.0_wp, values=exact)
-        call check_values(scene%exact_expression, '&scene exact_expression', exact, cloud%x, &
+        call check_values(scene%exact_expression, scene%path//': &scene', exact, cloud%x, &
                           cloud%y, error)
         if (allocated(error)) return
       end if
@@ -422,6 +432,8 @@ contains
       else
         call this%stopwatch%start('neighbours')
         call build_neighbour_list(cloud%x, cloud%y, this%radius(free), list, free)
+        call require_neighbours(this%scene, cloud, list, error)
+        if (allocated(error)) return
         call this%stopwatch%start('assembly')
         call scheme%assemble(kernel, cloud%x, cloud%y, cloud%volume, this%radius, list, laplacian, &
                              this%report)
@@ -430,17 +442,15 @@ contains
         allocate (this%repairs%repair(size(free)), source=as_written)
       end if
     end associate
-    call this%count_neighbours(error)
-    if (allocated(error)) return
+    call this%count_neighbours()
     associate (material => this%scene%material)
       this%conduction%diffusivity = material%conductivity/(material%density*material%heat_capacity)
     end associate
   end subroutine assemble
 
-  !> Note how many neighbours the rows have; a row without any is an error.
-  subroutine count_neighbours(this, error)
+  !> Note how many neighbours the rows have.
+  subroutine count_neighbours(this)
     class(simulation_t), intent(inout) :: this
-    type(error_t), allocatable, intent(out) :: error
     integer, allocatable :: neighbours(:)
 
     associate (laplacian => this%conduction%laplacian)
@@ -448,12 +458,6 @@ contains
       this%fewest_neighbours = minval(neighbours)
       this%most_neighbours = maxval(neighbours)
       this%mean_neighbours = real(size(laplacian%index), wp)/laplacian%rows()
-      if (this%fewest_neighbours > 0) return
-      call raise(error, status_bad_input, &
-                 this%name_particle(laplacian%target(minloc(neighbours, dim=1)))// &
-                 ' has no neighbour within the support radius of '// &
-                 to_text(this%support_radius, digits=4)//' m: raise &kernel support, which is '// &
-                 to_text(this%scene%support)//', or let supports grow: &scheme support_growth.')
     end associate
   end subroutine count_neighbours
 
@@ -540,7 +544,7 @@ contains
       this%stability_limit = stepper%integrator%longest_stable_step(stepper%spectral_radius)
       if (time%step > 0) then
         if (time%step > this%stability_limit) then
-          call raise(error, status_bad_input, '&time step = '//to_text(time%step)// &
+          call raise(error, status_bad_input, time%place//': step = '//to_text(time%step)// &
                      ' s is beyond the stability limit of '//time%method//' on this cloud, '// &
                      to_text(this%stability_limit, digits=4)//' s: take a smaller step, or '// &
                      'leave step out and let the program choose.')
@@ -556,12 +560,17 @@ contains
         call stepper%propose_first(this%conduction, 0.0_wp, this%temperature)
       else
         if (time%tolerance > 0) then
-          call raise(error, status_bad_input, '&time tolerance: '//trim(time%method)// &
+          call raise(error, status_bad_input, time%place//': tolerance: '//trim(time%method)// &
                      ' does not estimate its error. Leave tolerance out, or take method = '// &
                      '''auto'' or ''rkl2''.')
           return
         end if
         stepper%longest_step = safe_part*this%stability_limit
+      end if
+      if (stepper%longest_step*huge(1) < time%end) then
+        call raise(error, status_bad_input, time%place//': steps of at most '// &
+                   to_text(stepper%longest_step, digits=3)//' s to end = '//to_text(time%end)// &
+                   ' s would be more than can be counted: lower end.')
       end if
     end associate
   end subroutine choose_steps

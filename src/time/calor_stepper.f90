@@ -24,6 +24,8 @@ module calor_stepper
     integer :: steps = 0, rejected = 0
     !> The sum of the estimated errors of all steps
     real(wp) :: accumulated_error = 0.0_wp
+    !> Whether the last step ended in numbers
+    logical, private :: finite = .true.
     !> The step that the error control would take next, s; 0 before the first
     real(wp), private :: proposed = 0.0_wp, first = 0.0_wp
     real(wp), allocatable, private :: u_next(:)
@@ -74,9 +76,15 @@ contains
       ! Steps of equal length to the end, rather than a tiny last one
       step = (end_time - time)/max(1.0_wp, aint((end_time - time)/step + 0.9999_wp))
       if (.not. time + step > time) then
-        call raise(error, status_bad_numbers, 'The time step fell to '//to_text(step, digits=3)// &
-                   ' s at t = '//to_text(time, digits=6)//' s without meeting the tolerance: '// &
-                   'raise &time tolerance.')
+        if (this%finite) then
+          call raise(error, status_bad_numbers, 'The time step fell to '// &
+                     to_text(step, digits=3)//' s at t = '//to_text(time, digits=6)// &
+                     ' s without meeting the tolerance: raise &time tolerance.')
+        else
+          call raise(error, status_bad_numbers, 'Beyond t = '//to_text(time, digits=6)// &
+                     ' s the temperatures are no numbers any more, however short the step. '// &
+                     'Does an expression of the scene have a value at later times?')
+        end if
         return
       end if
       call this%try_step(evolution, time, step, u, error)
@@ -102,7 +110,8 @@ contains
     if (this%tolerance > 0) then
       ! The local error of the second-order method goes with the third power of the step.
       factor = 0.9_wp*(this%tolerance/max(local_error, tiny(1.0_wp)))**(1.0_wp/3)
-      if (.not. local_error <= huge(local_error)) factor = 0.1_wp
+      this%finite = local_error <= huge(local_error)
+      if (.not. this%finite) factor = 0.1_wp
       this%proposed = step*min(3.0_wp, max(0.1_wp, factor))
       if (.not. local_error <= this%tolerance) then
         this%rejected = this%rejected + 1

@@ -1,0 +1,139 @@
+!> Runs the programs of example/ and looks at the numbers that they print.
+module test_examples
+  use calor_kinds, only: wp
+  use test_process, only: outcome_t, run_command, environment_or, number_after
+  use testdrive, only: new_unittest, unittest_type, error_type, check, test_failed
+  implicit none (type, external)
+  private
+
+  public :: collect_examples
+
+  character(len=*), parameter :: folder = 'build/test/examples'
+
+  !> Every example; each has a test below
+  character(len=*), parameter :: examples(*) = [character(len=20) :: 'heat_in_ten_lines', &
+      'laplacian_of_a_field', 'neighbour_list', 'own_kernel', 'own_scheme']
+
+contains
+
+  subroutine collect_examples(testsuite)
+    type(unittest_type), allocatable, intent(out) :: testsuite(:)
+
+    testsuite = [ &
+                new_unittest('no example is forgotten', test_all_known), &
+                new_unittest('heat_in_ten_lines', test_heat_in_ten_lines), &
+                new_unittest('laplacian_of_a_field', test_laplacian_of_a_field), &
+                new_unittest('neighbour_list', test_neighbour_list), &
+                new_unittest('own_kernel', test_own_kernel), &
+                new_unittest('own_scheme', test_own_scheme) &
+                ]
+  end subroutine collect_examples
+
+  subroutine test_all_known(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(outcome_t) :: outcome
+    character(len=:), allocatable :: rest, name
+    integer :: stop
+
+    call execute_command_line('mkdir -p '//folder)
+    call run_command('ls example/*.f90', folder//'/list', outcome)
+    call check(error, outcome%status, 0)
+    if (allocated(error)) return
+    rest = outcome%output
+    do
+      stop = index(rest, new_line('a'))
+      if (stop == 0) exit
+      name = rest(len('example/') + 1:stop - len('.f90') - 1)
+      rest = rest(stop + 1:)
+      call check(error, any(examples == name), 'example/'//name//'.f90 has no test')
+      if (allocated(error)) return
+    end do
+  end subroutine test_all_known
+
+  !> Run an example, which must print no error.
+  subroutine run_example(name, outcome, error)
+    character(len=*), intent(in) :: name
+    type(outcome_t), intent(out) :: outcome
+    type(error_type), allocatable, intent(out) :: error
+
+    call execute_command_line('mkdir -p '//folder)
+    call run_command('"'//environment_or('CALOR_EXAMPLES', 'build/examples')//'"/'//name, &
+                     folder//'/'//name, outcome)
+    call check(error, outcome%status, 0, name//': '//outcome%errors)
+    if (allocated(error)) return
+    call check(error, outcome%errors, '')
+  end subroutine run_example
+
+  !> Fail unless the number behind a phrase lies between two others.
+  subroutine check_number(error, outcome, phrase, lowest, highest)
+    type(error_type), allocatable, intent(out) :: error
+    type(outcome_t), intent(in) :: outcome
+    character(len=*), intent(in) :: phrase
+    real(wp), intent(in) :: lowest, highest
+    real(wp) :: number
+
+    number = number_after(outcome%output, phrase)
+    if (number >= lowest .and. number <= highest) return
+    call test_failed(error, 'Wrong number after "'//phrase//'" in:'//new_line('a')//outcome%output)
+  end subroutine check_number
+
+  subroutine test_heat_in_ten_lines(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(outcome_t) :: outcome
+
+    call run_example('heat_in_ten_lines', outcome, error)
+    if (allocated(error)) return
+    call check_number(error, outcome, 'particle is at', 0.370_wp, 0.375_wp)
+    if (allocated(error)) return
+    call check_number(error, outcome, 'relative L2 error', 1.0e-5_wp, 2.0e-3_wp)
+  end subroutine test_heat_in_ten_lines
+
+  subroutine test_laplacian_of_a_field(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(outcome_t) :: outcome
+    character(len=*), parameter :: phrase = '  relative L2 error'
+
+    call run_example('laplacian_of_a_field', outcome, error)
+    if (allocated(error)) return
+    call check_number(error, outcome, 'fatehi_manzari           '//phrase, 1.0e-4_wp, 1.0e-2_wp)
+    if (allocated(error)) return
+    call check_number(error, outcome, 'brookshaw                '//phrase, 1.0_wp, 100.0_wp)
+  end subroutine test_laplacian_of_a_field
+
+  subroutine test_neighbour_list(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(outcome_t) :: outcome
+    real(wp) :: found, expected
+
+    call run_example('neighbour_list', outcome, error)
+    if (allocated(error)) return
+    expected = number_after(outcome%output, 'neighbours on average,')
+    found = number_after(outcome%output, ' s'//new_line('a'))
+    call check(error, found, expected, thr=0.01_wp, rel=.true.)
+    if (allocated(error)) return
+    call check_number(error, outcome, 'the nearest at', 0.0_wp, 0.002_wp)
+  end subroutine test_neighbour_list
+
+  subroutine test_own_kernel(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(outcome_t) :: outcome
+
+    call run_example('own_kernel', outcome, error)
+    if (allocated(error)) return
+    call check_number(error, outcome, 'quadratic field:', 0.0_wp, 1.0e-8_wp)
+  end subroutine test_own_kernel
+
+  subroutine test_own_scheme(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(outcome_t) :: outcome
+
+    call run_example('own_scheme', outcome, error)
+    if (allocated(error)) return
+    call check_number(error, outcome, 'lattices, spacing 0.04:', 1.0e-3_wp, 1.0e-2_wp)
+    if (allocated(error)) return
+    call check_number(error, outcome, 'lattices, spacing 0.02:', 2.5e-4_wp, 2.5e-3_wp)
+    if (allocated(error)) return
+    call check_number(error, outcome, 'off them, spacing 0.02:', 0.5_wp, 100.0_wp)
+  end subroutine test_own_scheme
+
+end module test_examples
