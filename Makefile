@@ -7,7 +7,8 @@
 
 .DEFAULT_GOAL := build
 .NOTPARALLEL:
-.PHONY: help build run test test-checked examples lint format set-up clean distclean
+.PHONY: help build run test test-checked examples lint format pictures documents \
+  set-up clean distclean
 SHELL := /bin/bash
 
 RELEASE_FLAGS := -O3 -march=native
@@ -65,6 +66,12 @@ lint: ## check the sources: fortitude's rules and the format
 format: ## indent the sources as `make lint` wants them
 	@tools/set_up.sh lint
 	@tools/format.sh $(wildcard src app test example)
+
+pictures: examples ## draw the pictures of the documentation anew
+	@tools/pictures.sh $(EXAMPLES) docs/pictures
+
+documents: build examples ## make anew what the documents quote from the programs
+	@tools/documents.sh
 
 set-up: ## install what is missing, build nothing
 	@tools/set_up.sh

@@ -115,6 +115,7 @@ contains
     call simulation%prepare(scene, error)
     if (allocated(error)) return
     call say_lines(describe_plan(simulation))
+    call simulation%certify(error)
   end subroutine check
 
   subroutine operators(path, error)

@@ -37,6 +37,8 @@ module calor
   use calor_space_filling_curve, only: hilbert_order
   use calor_sparse_operator, only: sparse_operator_t
   use calor_spectral_radius, only: estimate_spectral_radius
+  use calor_stable_rows, only: assemble_stable_rows, row_repairs_t, as_written, support_grown, &
+                               positive_stencil, inexact_stencil, no_stencil
   use calor_stencil, only: stencil_t
   use calor_stepper, only: stepper_t
   use calor_text, only: text_t, text_list, to_text, suggestion

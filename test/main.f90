@@ -6,6 +6,7 @@ program main
   use, intrinsic :: iso_fortran_env, only: error_unit
   use calor_hdf5, only: skip_hdf5_cleanup
   use testdrive, only: run_testsuite, new_testsuite, testsuite_type, select_suite, run_selected
+  use test_documents, only: collect_documents
   use test_expression, only: collect_expression
   use test_scene_contract, only: collect_scene_contract
   use test_scene_file, only: collect_scene_file
@@ -19,6 +20,7 @@ program main
   use test_kernels, only: collect_kernels
   use test_neighbour_list, only: collect_neighbour_list
   use test_random, only: collect_random
+  use test_stable_rows, only: collect_stable_rows
   use test_text, only: collect_text
   use test_time, only: collect_time
   implicit none (type, external)
@@ -36,11 +38,13 @@ program main
            new_testsuite('cloud file', collect_cloud_file), &
            new_testsuite('operators', collect_operators), &
            new_testsuite('time', collect_time), &
+           new_testsuite('stable rows', collect_stable_rows), &
            new_testsuite('heat', collect_heat), &
            new_testsuite('kernels', collect_kernels), &
            new_testsuite('neighbour list', collect_neighbour_list), &
            new_testsuite('random', collect_random), &
            new_testsuite('clouds', collect_clouds), &
+           new_testsuite('documents', collect_documents), &
            new_testsuite('examples', collect_examples), &
            new_testsuite('command line', collect_command_line) &
            ]

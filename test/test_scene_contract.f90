@@ -202,9 +202,8 @@ contains
   subroutine test_later_values(error)
     type(error_type), allocatable, intent(out) :: error
 
-    call refuse('&scheme support_growth = T /', 'a.nml, line 1: &scheme support_growth = T: '// &
-                'this value is part of the scene format, but this version of calor has only '// &
-                '.false. so far.', error)
+    call refuse('&time steady = T /', 'a.nml, line 1: &time steady = T: this value is part of '// &
+                'the scene format, but this version of calor has only .false. so far.', error)
     if (allocated(error)) return
     call refuse('&time steady = .true. /', 'has only .false. so far.', error)
     if (allocated(error)) return

@@ -7,6 +7,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 
 for objects in build/gfortran_*/calor; do
+  [[ -d $objects ]] || continue # nothing has been built yet
   newest=$(find "$objects" -name 'src_*.o' -printf '%T@ %p\n' 2>/dev/null | sort -n | tail -n 1)
   [[ -n $newest ]] || continue
   find "$objects" \( -name 'test_*.o' -o -name 'app_*.o' -o -name 'example_*.o' \) \

@@ -66,6 +66,7 @@ missing_packages() {
   has_library lapack || echo liblapack-dev
   has_library blas || echo libblas-dev
   has_library muparser || echo libmuparser-dev
+  has_library arpack || echo libarpack2-dev
   if [[ $1 == 1 ]]; then has_library mctc-lib || echo libmctc-lib-dev; fi
   holds .venv "$FPM" || missing_python_packages
 }

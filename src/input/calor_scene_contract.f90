@@ -102,7 +102,10 @@ module calor_scene_contract
       key_rule_t('scheme', 'laplacian', text, now, '''fatehi_manzari''', 'second derivatives'), &
       key_rule_t('scheme', 'gradient', text, now, '''renormalized''', 'first derivatives'), &
       key_rule_t('scheme', 'order', whole, later, '', 'order of the consistent schemes'), &
-      key_rule_t('scheme', 'support_growth', yes_no, now, '.false.', 'wider support if needed'), &
+      key_rule_t('scheme', 'support_growth', yes_no, now, '.true.', 'repair poor rows'), &
+      key_rule_t('scheme', 'allow_inexact_rows', yes_no, now, '.false.', 'run with stable rows'// &
+                 ' that are not exact'), &
+      key_rule_t('scheme', 'allow_unstable', yes_no, now, '.false.', 'run an unstable scheme'), &
       key_rule_t('material', 'conductivity', number, now, '1', 'conductivity, W/(m K)'), &
       key_rule_t('material', 'conductivity_expression', expression, later, '', 'the same'), &
       key_rule_t('material', 'density', number, now, '1', 'density, kg/m3'), &
@@ -156,12 +159,11 @@ module calor_scene_contract
       key_rule_t('cost', 'supports', numbers, later, '2.1', 'support radii in spacings')]
 
   type(value_rule_t), parameter :: value_rules(*) = [ &
-      value_rule_t('scheme', 'support_growth', '.false.', '.true.'), &
       value_rule_t('time', 'steady', '.false.', '.true.'), &
       value_rule_t('boundary', 'kind', 'temperature', 'flux convection radiation insulated'), &
       value_rule_t('domain', 'shape', '', 'disc annulus polygon'), &
-      value_rule_t('scheme', 'laplacian', '', 'positive consistent'), &
-      value_rule_t('operators', 'laplacians', '', 'positive consistent')]
+      value_rule_t('scheme', 'laplacian', '', 'consistent'), &
+      value_rule_t('operators', 'laplacians', '', 'consistent')]
 
   character(len=*), parameter :: companion = '_expression'
 

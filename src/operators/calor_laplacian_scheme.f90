@@ -16,6 +16,9 @@ module calor_laplacian_scheme
   contains
     !> The rows of weights for the targets of a neighbour list
     procedure(assemble_interface), deferred :: assemble
+    !> The degree up to which polynomials are differentiated exactly on any sufficient support: 0, 1
+    !> or 2
+    procedure :: exact_degree
   end type laplacian_scheme_t
 
   !> A scheme whose row reaches no farther than the particle's own neighbours. A scheme of one's own
@@ -59,6 +62,15 @@ module calor_laplacian_scheme
   end interface
 
 contains
+
+  pure function exact_degree(this) result(degree)
+    class(laplacian_scheme_t), intent(in) :: this
+    integer :: degree
+
+    associate (unused => this)
+    end associate
+    degree = 0
+  end function exact_degree
 
   subroutine assemble_rows(this, kernel, x, y, volume, radius, list, laplacian, report)
     class(row_laplacian_t), intent(in) :: this

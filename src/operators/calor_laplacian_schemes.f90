@@ -7,6 +7,7 @@ module calor_laplacian_schemes
   use calor_laplacian_double_gradient, only: double_gradient_t
   use calor_laplacian_fatehi_manzari, only: fatehi_manzari_t
   use calor_laplacian_kernel_second_derivative, only: kernel_second_derivative_t
+  use calor_laplacian_positive, only: positive_t
   use calor_laplacian_scheme, only: laplacian_scheme_t
   use calor_text, only: suggestion
   implicit none (type, external)
@@ -20,7 +21,8 @@ module calor_laplacian_schemes
       choice_t('double_gradient', 'renormalized gradient twice; exact for linear fields'), &
       choice_t('brookshaw', 'the usual SPH Laplacian; exact for constants'), &
       choice_t('brookshaw_renormalized', 'brookshaw with the tensor B; exact for constants'), &
-      choice_t('fatehi_manzari', 'the paper''s new scheme; exact for quadratic fields') &
+      choice_t('fatehi_manzari', 'the paper''s new scheme; exact for quadratic fields'), &
+      choice_t('positive', 'non-negative weights; exact for quadratic fields, maximum principle') &
       ]
 
 contains
@@ -45,6 +47,8 @@ contains
       allocate (brookshaw_renormalized_t :: scheme)
     case ('fatehi_manzari')
       allocate (fatehi_manzari_t :: scheme)
+    case ('positive')
+      allocate (positive_t :: scheme)
     case default
       call raise(error, status_bad_input, 'No Laplacian scheme is called '''//name//'''.'// &
                  suggestion(name, choice_names(laplacian_choices)))

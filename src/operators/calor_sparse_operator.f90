@@ -29,6 +29,8 @@ module calor_sparse_operator
     procedure :: apply
     !> The same times a factor, laid down at the places of the target particles
     procedure :: apply_at_targets
+    !> An upper bound of the real parts of the spectrum: 0 where no weight is negative
+    procedure :: gershgorin_right_end
     !> An upper bound of |λ| over the spectrum
     procedure :: gershgorin_bound
   end type sparse_operator_t
@@ -97,6 +99,21 @@ contains
     end do
     !$omp end parallel do
   end subroutine apply_at_targets
+
+  pure function gershgorin_right_end(this) result(bound)
+    class(sparse_operator_t), intent(in) :: this
+    real(wp) :: bound
+    real(wp) :: total
+    integer :: row
+
+    bound = -huge(1.0_wp)
+    do row = 1, this%rows()
+      total = sum(abs(this%weight(this%first(row):this%first(row + 1) - 1)))
+      ! The diagonal is a sum of the same numbers, taken in another order.
+      if (total + this%diagonal(row) <= 1.0e-12_wp*total) total = -this%diagonal(row)
+      bound = max(bound, total + this%diagonal(row))
+    end do
+  end function gershgorin_right_end
 
   pure function gershgorin_bound(this) result(bound)
     class(sparse_operator_t), intent(in) :: this

@@ -6,6 +6,8 @@ module calor_description
   use calor_laplacian_schemes, only: laplacian_choices
   use calor_memory_need, only: memory_need, size_text
   use calor_simulation, only: simulation_t
+  use calor_stable_rows, only: as_written, support_grown, positive_stencil, inexact_stencil, &
+                               no_stencil
   use calor_text, only: text_t, to_text, join
   implicit none (type, external)
   private
@@ -32,6 +34,10 @@ contains
     if (any(simulation%report%condition_gradient > 0)) then
       call add(lines, 'Tensors', tensors(simulation))
     end if
+    call add(lines, 'Rows', rows(simulation))
+    if (any(simulation%repairs%repair /= as_written)) call add(lines, 'Repairs', &
+                                                               repairs(simulation))
+    call add(lines, 'Stability', stability(simulation))
     call add(lines, 'Diffusivity', to_text(simulation%conduction%diffusivity, digits=6)//' m2/s')
     call add(lines, 'Effects', effects(simulation))
     call add(lines, 'Time', '0 to '//to_text(simulation%scene%time%end)//' s by '// &
@@ -154,6 +160,78 @@ contains
       text = text//'; singular at '//to_text(report%singular_rows())//' particles'
     end associate
   end function tensors
+
+  function rows(simulation) result(text)
+    type(simulation_t), intent(in) :: simulation
+    character(len=:), allocatable :: text
+
+    associate (quality => simulation%repairs%quality)
+      text = 'quality (1: no negative weight) '//spread_text(quality%ratio)//'; '// &
+             to_text(count(quality%ratio > 1.0e300_wp))//' with a diagonal of the wrong sign; '// &
+             'neighbours with a weight '//spread_text(real(quality%neighbours, wp))
+    end associate
+  end function rows
+
+  !> 'least / median / largest'
+  function spread_text(values) result(text)
+    real(wp), intent(in) :: values(:)
+    character(len=:), allocatable :: text
+
+    text = to_text(minval(values), digits=3)//' / '//to_text(median(values), digits=3)//' / '// &
+           to_text(maxval(values), digits=3)
+  end function spread_text
+
+  !> The median by bisection of the range of values: no sorting, for it is only told.
+  pure function median(values) result(middle)
+    real(wp), intent(in) :: values(:)
+    real(wp) :: middle
+    real(wp) :: low, high
+    integer :: k
+
+    low = minval(values)
+    high = maxval(values)
+    middle = low
+    do k = 1, 60
+      if (2*count(values <= middle) >= size(values)) exit
+      middle = 0.5_wp*(low + high)
+      if (2*count(values <= middle) >= size(values)) then
+        high = middle
+        middle = low
+      else
+        low = middle
+      end if
+    end do
+    middle = minval(values, values >= middle)
+  end function median
+
+  function repairs(simulation) result(text)
+    type(simulation_t), intent(in) :: simulation
+    character(len=:), allocatable :: text
+
+    associate (repair => simulation%repairs%repair)
+      text = 'support grown at '//to_text(count(repair == support_grown))// &
+             ' particles (up to '//to_text(maxval(simulation%radius), digits=3)// &
+             ' m), positive stencils at '//to_text(count(repair == positive_stencil))// &
+             ', inexact ones at '//to_text(count(repair == inexact_stencil))//', none at '// &
+             to_text(count(repair == no_stencil))
+    end associate
+  end function repairs
+
+  function stability(simulation) result(text)
+    type(simulation_t), intent(in) :: simulation
+    character(len=:), allocatable :: text
+
+    associate (rightmost => simulation%rightmost)
+      if (rightmost%method == 'no weight is negative') then
+        text = 'certain: no weight is negative'
+      else
+        text = 'largest real part of an eigenvalue '//to_text(rightmost%growth_rate, digits=4)// &
+               ' 1/s ('//trim(rightmost%method)//')'
+        if (.not. rightmost%converged) text = text//', not converged: it may be larger'
+        if (rightmost%growth_rate > 0) text = text//'. UNSTABLE'
+      end if
+    end associate
+  end function stability
 
   function effects(simulation) result(text)
     type(simulation_t), intent(in) :: simulation

@@ -26,8 +26,7 @@ module calor_new_scene
       '&kernel    name = ''wendland_c2''     ! or cubic_spline, quintic_spline, wendland_c4, _c6', &
       '           support = 2.1 /          ! support radius in units of the spacing', &
       '', &
-      '&scheme    laplacian = ''fatehi_manzari''', &
-      '           support_growth = .false. /', &
+      '&scheme    laplacian = ''fatehi_manzari'' / ! or positive, brookshaw, ...', &
       '', &
       '&material  conductivity = 1.0       ! W/(m K)', &
       '           density = 1.0            ! kg/m3', &

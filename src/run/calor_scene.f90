@@ -100,6 +100,10 @@ module calor_scene
     character(len=:), allocatable :: support_place
     !> Names of the derivative schemes
     character(len=:), allocatable :: laplacian, gradient
+    !> Whether poor rows are repaired
+    logical :: support_growth = .true.
+    !> Whether rows that cannot be exact, and an unstable operator, are run nevertheless
+    logical :: allow_inexact_rows = .false., allow_unstable = .false.
     type(material_t) :: material
     !> The temperature at the start as a number, or as an expression where that is not empty
     real(wp) :: initial_temperature = 0.0_wp

@@ -34,7 +34,13 @@ module calor_scene_reader
   type(choice_t), parameter :: field_choices(*) = [ &
       choice_t('temperature', 'the temperature'), &
       choice_t('exact', 'the true temperature, where the scene gives it'), &
-      choice_t('error', 'temperature less true temperature') &
+      choice_t('error', 'temperature less true temperature'), &
+      choice_t('row_quality', 'sum of |a_ij| over |a_ii| of each row: 1 is best'), &
+      choice_t('row_repair', '0 as written, 1 support grown, 2 positive, 3 inexact, 4 none'), &
+      choice_t('neighbours', 'neighbours with a weight'), &
+      choice_t('support_radius', 'support radius of each particle, m'), &
+      choice_t('condition_gradient', 'condition number of the system for B'), &
+      choice_t('condition_laplacian', 'condition number of the system for B-hat') &
       ]
 
   !> A kernel that smooths over more spacings is a slip of the pen
@@ -197,6 +203,12 @@ contains
     if (allocated(error)) return
     call get_choice(group, 'gradient', gradient_choices, scene%gradient, error, &
                     default='renormalized')
+    if (allocated(error)) return
+    call get(group, 'support_growth', scene%support_growth, error, default=.true.)
+    if (allocated(error)) return
+    call get(group, 'allow_inexact_rows', scene%allow_inexact_rows, error, default=.false.)
+    if (allocated(error)) return
+    call get(group, 'allow_unstable', scene%allow_unstable, error, default=.false.)
   end subroutine read_method
 
   !> What the body consists of and how warm it is at the start
@@ -297,7 +309,7 @@ contains
       if (allocated(error)) return
       if (scene%exact_expression /= '') return
       do k = 1, size(output%fields)
-        if (output%fields(k)%value == 'temperature') cycle
+        if (all(output%fields(k)%value /= [character(len=5) :: 'exact', 'error'])) cycle
         call raise_at(error, group, 'fields', 'the field '''//output%fields(k)%value// &
                       ''' needs the true temperature: give &scene exact_expression.')
         return

@@ -3,7 +3,7 @@ module calor_simulation
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use calor_cloud, only: cloud_t
   use calor_conduction, only: conduction_t
-  use calor_error, only: error_t, raise, status_bad_input
+  use calor_error, only: error_t, raise, status_bad_input, status_bad_numbers
   use calor_expression, only: expression_t, compile_expression
   use calor_integrators, only: make_integrator
   use calor_kernel, only: kernel_t
@@ -13,11 +13,14 @@ module calor_simulation
   use calor_laplacian_schemes, only: make_laplacian_scheme
   use calor_neighbour_list, only: neighbour_list_t, build_neighbour_list
   use calor_prescribed, only: prescribed_t
+  use calor_rightmost_eigenvalue, only: rightmost_t, find_rightmost
+  use calor_row_quality, only: measure_rows
   use calor_row_report, only: row_report_t
   use calor_scene, only: scene_t
   use calor_scene_cloud, only: make_scene_cloud, require_neighbours
   use calor_simulation_file, only: simulation_file_t, check_target
   use calor_spectral_radius, only: estimate_spectral_radius
+  use calor_stable_rows, only: assemble_stable_rows, row_repairs_t, as_written, inexact_stencil
   use calor_stepper, only: stepper_t
   use calor_stopwatch, only: stopwatch_t
   use calor_text, only: to_text
@@ -46,6 +49,12 @@ module calor_simulation
     real(wp) :: mean_neighbours = 0.0_wp
     !> Condition of the renormalization tensors
     type(row_report_t) :: report
+    !> Quality of the rows, and what was repaired
+    type(row_repairs_t) :: repairs
+    !> Support radius of each particle, m
+    real(wp), allocatable :: radius(:)
+    !> The rightmost eigenvalue of the heat equation on this cloud
+    type(rightmost_t) :: rightmost
     !> The heat equation on the cloud
     type(conduction_t) :: conduction
     !> The time integrator and its steps
@@ -66,6 +75,8 @@ module calor_simulation
     procedure :: run
     !> Step to a time
     procedure :: advance_to
+    !> Whether the rows and their spectrum allow a run
+    procedure :: certify
     !> Whether the scene gives the true temperature
     procedure :: knows_exact
     !> ‖u - u_exact‖ / ‖u_exact‖ in the L2 norm over all particles, weighted by their volumes
@@ -73,7 +84,12 @@ module calor_simulation
     procedure, private :: assemble
     procedure, private :: hold_walls
     procedure, private :: start_temperature
+    procedure, private :: count_neighbours
     procedure, private :: choose_steps
+    procedure, private :: find_growth
+    procedure, private :: write_row_fields
+    procedure :: name_particle
+    procedure, private :: where_unstable
   end type simulation_t
 
   !> Is told what a run has reached; a program extends it to show progress
@@ -132,6 +148,9 @@ contains
     if (allocated(error)) return
     call this%stopwatch%start('step control')
     call this%choose_steps(error)
+    if (allocated(error)) return
+    call this%stopwatch%start('stability')
+    call this%find_growth()
     call this%stopwatch%stop()
   end subroutine prepare
 
@@ -146,8 +165,11 @@ contains
     integer :: written, states
     real(wp) :: next
 
+    call this%certify(error)
+    if (allocated(error)) return
     call file%open(this%scene, this%cloud, error)
     if (allocated(error)) return
+    call this%write_row_fields(file)
     states = 1
     if (this%scene%output%every > 0) then
       states = max(1, ceiling(this%scene%time%end/this%scene%output%every*(1 - 1.0e-12_wp)))
@@ -180,6 +202,36 @@ contains
       call move_alloc(file_error, error)
     end if
   end subroutine run
+
+  !> Fields about the rows, which do not change, if the scene asks for them.
+  subroutine write_row_fields(this, file)
+    class(simulation_t), intent(in) :: this
+    type(simulation_file_t), intent(inout) :: file
+    integer :: n
+
+    if (.not. file%in_use) return
+    n = this%cloud%particles()
+    associate (target => this%conduction%laplacian%target, quality => this%repairs%quality)
+      ! Held particles have no row: 0, but for the support radius
+      call file%write_static('row_quality', unpacked(min(quality%ratio, 1.0e6_wp), target, n))
+      call file%write_static('row_repair', unpacked(real(this%repairs%repair, wp), target, n))
+      call file%write_static('neighbours', unpacked(real(quality%neighbours, wp), target, n))
+      call file%write_static('support_radius', this%radius)
+      call file%write_static('condition_gradient', &
+                             unpacked(this%report%condition_gradient, target, n))
+      call file%write_static('condition_laplacian', &
+                             unpacked(this%report%condition_laplacian, target, n))
+    end associate
+  end subroutine write_row_fields
+
+  pure function unpacked(values, place, n) result(field)
+    real(wp), intent(in) :: values(:)
+    integer, intent(in) :: place(:), n
+    real(wp) :: field(n)
+
+    field = 0
+    field(place) = values
+  end function unpacked
 
   subroutine advance_to(this, time, error)
     class(simulation_t), intent(inout) :: this
@@ -368,27 +420,116 @@ contains
     class(laplacian_scheme_t), allocatable :: scheme
     type(neighbour_list_t) :: list
     integer(ip), allocatable :: free(:)
-    real(wp), allocatable :: radius(:)
     integer :: k
 
     call make_laplacian_scheme(this%scene%laplacian, scheme, error)
     if (allocated(error)) return
-    call this%stopwatch%start('neighbours')
     free = pack([(int(k, ip), k=1, this%cloud%particles())], this%cloud%side == 0)
-    allocate (radius(this%cloud%particles()), source=this%support_radius)
-    call build_neighbour_list(this%cloud%x, this%cloud%y, radius(free), list, free)
-    call require_neighbours(this%scene, this%cloud, list, error)
-    if (allocated(error)) return
-    this%fewest_neighbours = int(minval(list%first(2:) - list%first(:list%rows())))
-    this%most_neighbours = list%longest_row()
-    this%mean_neighbours = real(size(list%index), wp)/list%rows()
-    call this%stopwatch%start('assembly')
-    call scheme%assemble(kernel, this%cloud%x, this%cloud%y, this%cloud%volume, radius, list, &
-                         this%conduction%laplacian, this%report)
+    allocate (this%radius(this%cloud%particles()), source=this%support_radius)
+    associate (cloud => this%cloud, laplacian => this%conduction%laplacian)
+      if (this%scene%support_growth) then
+        call this%stopwatch%start('assembly')
+        call assemble_stable_rows(scheme, kernel, cloud%x, cloud%y, cloud%volume, this%radius, &
+                                  free, laplacian, this%report, this%repairs)
+      else
+        call this%stopwatch%start('neighbours')
+        call build_neighbour_list(cloud%x, cloud%y, this%radius(free), list, free)
+        call require_neighbours(this%scene, cloud, list, error)
+        if (allocated(error)) return
+        call this%stopwatch%start('assembly')
+        call scheme%assemble(kernel, cloud%x, cloud%y, cloud%volume, this%radius, list, laplacian, &
+                             this%report)
+        call measure_rows(laplacian, cloud%x, cloud%y, this%radius, scheme%exact_degree(), &
+                          this%repairs%quality)
+        allocate (this%repairs%repair(size(free)), source=as_written)
+      end if
+    end associate
+    call this%count_neighbours()
     associate (material => this%scene%material)
       this%conduction%diffusivity = material%conductivity/(material%density*material%heat_capacity)
     end associate
   end subroutine assemble
+
+  !> Note how many neighbours the rows have.
+  subroutine count_neighbours(this)
+    class(simulation_t), intent(inout) :: this
+    integer, allocatable :: neighbours(:)
+
+    associate (laplacian => this%conduction%laplacian)
+      neighbours = int(laplacian%first(2:) - laplacian%first(:laplacian%rows()))
+      this%fewest_neighbours = minval(neighbours)
+      this%most_neighbours = maxval(neighbours)
+      this%mean_neighbours = real(size(laplacian%index), wp)/laplacian%rows()
+    end associate
+  end subroutine count_neighbours
+
+  !> 'Particle 12 at (0.1, 0.2)', in the user's numbers
+  pure function name_particle(this, particle) result(text)
+    class(simulation_t), intent(in) :: this
+    integer, intent(in) :: particle
+    character(len=:), allocatable :: text
+
+    text = 'Particle '//to_text(this%cloud%user_index(particle))//' at ('// &
+           to_text(this%cloud%x(particle), digits=6)//', '// &
+           to_text(this%cloud%y(particle), digits=6)//')'
+  end function name_particle
+
+  !> Whether a run would be stable: every row is exact or may be inexact, and no eigenvalue lies to
+  !> the right of zero.
+  subroutine certify(this, error)
+    class(simulation_t), intent(in) :: this
+    !> Why not, in figures, and what to do about it
+    type(error_t), allocatable, intent(out) :: error
+    character(len=:), allocatable :: subject
+    integer :: inexact, row
+
+    inexact = count(this%repairs%repair >= inexact_stencil)
+    if (inexact > 0 .and. .not. this%scene%allow_inexact_rows) then
+      row = findloc(this%repairs%repair >= inexact_stencil, .true., dim=1)
+      subject = this%name_particle(this%conduction%laplacian%target(row))//' has'
+      if (inexact > 1) then
+        subject = to_text(inexact)//' particles, the first of them '//subject(:len(subject) - 4)// &
+                  ', have'
+      end if
+      call raise(error, status_bad_numbers, &
+                 subject//' neighbours that admit no stable row exact '// &
+                 'for quadratic fields: they lie on one side, in line, or much too far.'// &
+                 new_line('a')// &
+                 'Move or add particles there, or set &scheme allow_inexact_rows = .true. to '// &
+                 'use the best stable row. &output fields = ''row_repair'' shows where.')
+      return
+    end if
+    if (this%rightmost%growth_rate > 0 .and. .not. this%scene%allow_unstable) then
+      call raise(error, status_bad_numbers, 'The scheme '//this%scene%laplacian// &
+                 ' is unstable on this cloud: an eigenvalue has the real part +'// &
+                 to_text(this%rightmost%growth_rate, &
+                         digits=3)//' 1/s, so errors grow by a factor '// &
+                 'of e every '//to_text(1/this%rightmost%growth_rate, digits=3)//' s'// &
+                 this%where_unstable()//'.'//new_line('a')// &
+                 'Take &scheme laplacian = ''fatehi_manzari'' or ''positive'' with '// &
+                 'support_growth = .true., or allow_unstable = .true. to run it all the same.')
+    end if
+  end subroutine certify
+
+  !> Find the rightmost eigenvalue; where no weight is negative there is none beyond zero.
+  subroutine find_growth(this)
+    class(simulation_t), intent(inout) :: this
+
+    if (this%conduction%laplacian%gershgorin_right_end() > 0) then
+      call find_rightmost(this%conduction, this%stepper%spectral_radius, this%rightmost)
+    else
+      this%rightmost%converged = .true.
+      this%rightmost%method = 'no weight is negative'
+    end if
+  end subroutine find_growth
+
+  pure function where_unstable(this) result(text)
+    class(simulation_t), intent(in) :: this
+    character(len=:), allocatable :: text
+
+    text = ''
+    if (this%rightmost%place > 0) text = ', most near '//this%name_particle(this%rightmost%place)
+  end function where_unstable
 
   !> Choose the integrator's steps from the operator's own spectral radius.
   subroutine choose_steps(this, error)

@@ -31,6 +31,8 @@ module calor_simulation_file
   contains
     !> Create the file with all that does not change
     procedure :: open => open_file
+    !> Write a field that does not change, if the scene asks for it
+    procedure :: write_static
     !> Append a state
     procedure :: write_state
     !> Note a figure about the run
@@ -139,6 +141,22 @@ contains
     if (allocated(error)) return
     call file%set_attribute('support_radius', scene%support*cloud%spacing, error)
   end subroutine write_origin
+
+  subroutine write_static(this, name, values)
+    class(simulation_file_t), intent(inout) :: this
+    !> Name of the field
+    character(len=*), intent(in) :: name
+    !> Its values in the cloud's order
+    real(wp), intent(in) :: values(:)
+    integer :: k
+
+    if (.not. this%in_use .or. allocated(this%pending)) return
+    do k = 1, size(this%fields)
+      if (this%fields(k)%value /= name) cycle
+      call this%file%add_static(name, values(this%place), this%pending)
+      return
+    end do
+  end subroutine write_static
 
   subroutine write_state(this, time, temperature, exact, error)
     class(simulation_file_t), intent(inout) :: this

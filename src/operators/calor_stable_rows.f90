@@ -1,0 +1,193 @@
+!> Rows that keep the heat equation stable on any cloud.
+!>
+!> Where a row of a scheme is poor, that particle's own support grows by 15 % at a time until it is
+!> good. Where that does not help, the row becomes a stencil of non-negative weights exact for
+!> quadratic fields (Seibold 2008). Where the cloud admits none, as next to a wall that is much
+!> nearer than its particles are to each other, the row becomes the stencil of non-negative weights
+!> that is exact for linear fields and nearest to exact for quadratic ones: stable, but reported.
+module calor_stable_rows
+  use calor_kernel, only: kernel_t
+  use calor_kinds, only: wp, ip, i8
+  use calor_laplacian_positive, only: positive_t
+  use calor_laplacian_scheme, only: laplacian_scheme_t
+  use calor_neighbour_list, only: neighbour_list_t, build_neighbour_list
+  use calor_row_quality, only: row_quality_t, measure_rows
+  use calor_row_report, only: row_report_t
+  use calor_sparse_operator, only: sparse_operator_t
+  implicit none (type, external)
+  private
+
+  public :: assemble_stable_rows, row_repairs_t
+  public :: as_written, support_grown, positive_stencil, inexact_stencil, no_stencil
+
+  !> What became of a row
+  integer, parameter :: as_written = 0, support_grown = 1, positive_stencil = 2, &
+                        inexact_stencil = 3, no_stencil = 4
+
+  !> A row with a larger Σ|a_ij|/|a_ii| is poor
+  real(wp), parameter :: largest_ratio = 1.2_wp
+  !> A row that misses a quadratic by more is poor
+  real(wp), parameter :: largest_residual = 1.0e-7_wp
+  !> A row with a larger |a_ii| in units of the mean distance of its neighbours is poor: it hangs on
+  !> neighbours that are nearly in line, or much too near
+  real(wp), parameter :: largest_stiffness = 100.0_wp
+  !> By how much a support grows at a time
+  real(wp), parameter :: growth = 1.15_wp
+  !> Growth ends at this many neighbours: beyond it a row is no longer local
+  integer, parameter :: most_neighbours = 250
+  !> … or after this many times, a factor of 270
+  integer, parameter :: most_times = 40
+  !> A stencil that cannot be exact is sought among at least so many neighbours
+  integer, parameter :: enough_neighbours = 24
+
+  !> Which rows were repaired, and how
+  type :: row_repairs_t
+    !> One of `as_written`, `support_grown`, `positive_stencil`, `inexact_stencil`, or `no_stencil`
+    !> (the row is zero) for each row
+    integer, allocatable :: repair(:)
+    !> Quality of the final rows
+    type(row_quality_t) :: quality
+  end type row_repairs_t
+
+contains
+
+  !> Assemble rows of a scheme and repair the poor ones.
+  subroutine assemble_stable_rows(scheme, kernel, x, y, volume, radius, targets, laplacian, &
+                                  report, &
+                                  repairs)
+    !> The scheme
+    class(laplacian_scheme_t), intent(in) :: scheme
+    !> The smoothing kernel
+    class(kernel_t), intent(in) :: kernel
+    !> Coordinates, m, and volumes, m², of all particles
+    real(wp), intent(in) :: x(:), y(:), volume(:)
+    !> Support radii of all particles, m; those of the targets may grow
+    real(wp), intent(inout) :: radius(:)
+    !> The particles to assemble rows for
+    integer(ip), intent(in) :: targets(:)
+    !> ∇² at the targets
+    type(sparse_operator_t), intent(out) :: laplacian
+    !> The condition of the tensors that were solved for
+    type(row_report_t), intent(out) :: report
+    !> What was repaired
+    type(row_repairs_t), intent(out) :: repairs
+    type(neighbour_list_t) :: list
+    type(row_quality_t) :: quality
+    real(wp), allocatable :: first_radius(:)
+    logical, allocatable :: poor(:)
+    integer(ip), allocatable :: failed(:)
+    integer :: k
+
+    allocate (repairs%repair(size(targets)), source=as_written)
+    call build_neighbour_list(x, y, radius(targets), list, targets)
+    call scheme%assemble(kernel, x, y, volume, radius, list, laplacian, report)
+    ! Only a scheme that is exact for quadratics gets better as its support grows.
+    if (scheme%exact_degree() < 2) then
+      call measure_rows(laplacian, x, y, radius, scheme%exact_degree(), repairs%quality)
+      return
+    end if
+    call measure_rows(laplacian, x, y, radius, 2, quality)
+    poor = is_poor(quality%ratio, quality%residual, quality%stiffness, largest_residual)
+    if (any(poor)) then
+      first_radius = radius(targets)
+      failed = pack([(int(k, ip), k=1, size(targets))], poor)
+      repairs%repair(failed) = support_grown
+      call grow(scheme, kernel, x, y, volume, radius, targets, 0, largest_residual, failed)
+      repairs%repair(failed) = positive_stencil
+      radius(targets(failed)) = first_radius(failed)/growth
+      call grow(positive_t(), kernel, x, y, volume, radius, targets, 0, largest_residual, failed)
+      repairs%repair(failed) = inexact_stencil
+      radius(targets(failed)) = first_radius(failed)/growth
+      call grow(positive_t(relaxed=.true.), kernel, x, y, volume, radius, targets, &
+                enough_neighbours, huge(1.0_wp), failed)
+      repairs%repair(failed) = no_stencil
+      radius(targets(failed)) = first_radius(failed)
+      call build_neighbour_list(x, y, radius(targets), list, targets)
+      call scheme%assemble(kernel, x, y, volume, radius, list, laplacian, report)
+      call replace_rows(positive_t(), kernel, x, y, volume, radius, &
+                        repairs%repair == positive_stencil, laplacian)
+      call replace_rows(positive_t(relaxed=.true.), kernel, x, y, volume, radius, &
+                        repairs%repair == inexact_stencil, laplacian)
+      do k = 1, size(targets)
+        if (repairs%repair(k) /= no_stencil) cycle
+        laplacian%weight(laplacian%first(k):laplacian%first(k + 1) - 1) = 0
+        laplacian%diagonal(k) = 0
+      end do
+    end if
+    call measure_rows(laplacian, x, y, radius, 2, repairs%quality)
+  end subroutine assemble_stable_rows
+
+  elemental function is_poor(ratio, residual, stiffness, allowed_residual) result(poor)
+    real(wp), intent(in) :: ratio, residual, stiffness, allowed_residual
+    logical :: poor
+
+    poor = .not. (ratio <= largest_ratio .and. residual <= allowed_residual .and. &
+                  stiffness <= largest_stiffness)
+  end function is_poor
+
+  !> Grow the supports of some rows until they are good.
+  subroutine grow(scheme, kernel, x, y, volume, radius, targets, fewest, allowed_residual, rows)
+    class(laplacian_scheme_t), intent(in) :: scheme
+    class(kernel_t), intent(in) :: kernel
+    real(wp), intent(in) :: x(:), y(:), volume(:)
+    real(wp), intent(inout) :: radius(:)
+    integer(ip), intent(in) :: targets(:)
+    !> A row needs so many neighbours …
+    integer, intent(in) :: fewest
+    !> … and may miss quadratic fields by so much
+    real(wp), intent(in) :: allowed_residual
+    !> The poor rows, as positions in `targets`; in the end those that could not be made good
+    integer(ip), allocatable, intent(inout) :: rows(:)
+    type(neighbour_list_t) :: list
+    type(sparse_operator_t) :: laplacian
+    type(row_quality_t) :: quality
+    integer(ip), allocatable :: failed(:), candidates(:)
+    integer, allocatable :: neighbours(:)
+    logical, allocatable :: poor(:)
+    integer :: time
+
+    allocate (failed(0))
+    do time = 1, most_times
+      if (size(rows) == 0) exit
+      radius(targets(rows)) = growth*radius(targets(rows))
+      candidates = targets(rows)
+      call build_neighbour_list(x, y, radius(candidates), list, candidates)
+      call scheme%assemble(kernel, x, y, volume, radius, list, laplacian)
+      call measure_rows(laplacian, x, y, radius, 2, quality)
+      neighbours = int(list%first(2:) - list%first(:list%rows()))
+      poor = is_poor(quality%ratio, quality%residual, quality%stiffness, allowed_residual) .or. &
+             neighbours < min(fewest, size(x) - 1)
+      rows = pack(rows, poor)
+      neighbours = pack(neighbours, poor)
+      failed = [failed, pack(rows, neighbours >= min(most_neighbours, size(x) - 1))]
+      rows = pack(rows, neighbours < min(most_neighbours, size(x) - 1))
+    end do
+    rows = [failed, rows]
+  end subroutine grow
+
+  !> Put stencils of non-negative weights into the place of some rows.
+  subroutine replace_rows(positive, kernel, x, y, volume, radius, chosen, laplacian)
+    type(positive_t), intent(in) :: positive
+    class(kernel_t), intent(in) :: kernel
+    real(wp), intent(in) :: x(:), y(:), volume(:), radius(:)
+    !> Which rows
+    logical, intent(in) :: chosen(:)
+    type(sparse_operator_t), intent(inout) :: laplacian
+    type(neighbour_list_t) :: list
+    type(sparse_operator_t) :: rows
+    integer(ip), allocatable :: place(:)
+    integer :: k
+
+    place = pack([(int(k, ip), k=1, size(chosen))], chosen)
+    if (size(place) == 0) return
+    call build_neighbour_list(x, y, radius(laplacian%target(place)), list, laplacian%target(place))
+    call positive%assemble(kernel, x, y, volume, radius, list, rows)
+    ! Both lists were built with the same radii: the rows have the same neighbours.
+    do k = 1, size(place)
+      laplacian%weight(laplacian%first(place(k)):laplacian%first(place(k) + 1) - 1) = &
+        rows%weight(rows%first(k):rows%first(k + 1) - 1)
+      laplacian%diagonal(place(k)) = rows%diagonal(k)
+    end do
+  end subroutine replace_rows
+
+end module calor_stable_rows

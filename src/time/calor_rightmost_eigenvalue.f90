@@ -1,0 +1,243 @@
+!> The eigenvalue of an evolution's Jacobian with the largest real part: the stability certificate.
+!>
+!> An eigenvalue to the right of the imaginary axis makes the heat equation blow up, whatever the
+!> step. Small systems are solved densely by LAPACK. For large ones plain Arnoldi would find the far
+!> left end of the spectrum; so ARPACK is given a Chebyshev polynomial of the Jacobian that is small
+!> on the interval of fast decay and grows towards and beyond zero, where the slow and unstable
+!> modes are.
+!>
+!> Source: Y. Saad, Chebyshev acceleration techniques for solving nonsymmetric eigenvalue problems,
+!> Math. Comput. 42 (1984) 567–588.
+module calor_rightmost_eigenvalue
+  use calor_arpack, only: dnaupd, dneupd, dgeev
+  use calor_evolution, only: evolution_t
+  use calor_kinds, only: wp, i8
+  use calor_random, only: random_uniform
+  use calor_sums, only: dot
+  implicit none (type, external)
+  private
+
+  public :: rightmost_t, find_rightmost, jacobian_spectrum
+
+  !> What is known of the rightmost eigenvalue
+  type :: rightmost_t
+    !> Its real and imaginary part, 1/s
+    real(wp) :: growth_rate = 0.0_wp, frequency = 0.0_wp
+    !> Whether the search converged; if not, the true real part may be larger
+    logical :: converged = .false.
+    !> How it was found, in a few words
+    character(len=48) :: method = ''
+    !> Entry of the eigenvector that is largest in magnitude: where it would blow up; 0: not known
+    integer :: place = 0
+  end type rightmost_t
+
+  !> Systems up to this size are solved densely
+  integer, parameter :: largest_dense = 400
+  !> Degree of the polynomial: the higher, the better it tells slow modes apart
+  integer, parameter :: degree = 31
+  !> Where the interval of fast decay begins, as a part of the spectral radius: the polynomial is
+  !> cosh(2 √5) = 44 times larger at zero
+  real(wp), parameter :: slow_part = 5.0_wp/degree**2
+  !> Eigenvalues to the left of the interval would mislead: it is wider than the spectrum should be
+  real(wp), parameter :: margin = 1.1_wp
+  !> Vectors of the Krylov space
+  integer, parameter :: krylov_size = 24
+  !> Products with the Jacobian are limited to this many, times a thousand unknowns over the size
+  real(wp), parameter :: most_products = 2.0e6_wp, fewest_products = 1.0e4_wp
+
+contains
+
+  !> Find the rightmost eigenvalue.
+  subroutine find_rightmost(evolution, spectral_radius, rightmost)
+    !> Whose Jacobian
+    class(evolution_t), intent(inout) :: evolution
+    !> Its spectral radius, 1/s, on the safe side
+    real(wp), intent(in) :: spectral_radius
+    !> The eigenvalue
+    type(rightmost_t), intent(out) :: rightmost
+    real(wp), allocatable :: free(:), real_parts(:), imaginary_parts(:)
+    integer :: k
+
+    allocate (free(evolution%unknowns()), source=1.0_wp)
+    call evolution%clear_prescribed(free)
+    if (count(free > 0.5_wp) <= largest_dense) then
+      call jacobian_spectrum(evolution, real_parts, imaginary_parts)
+      if (size(real_parts) == 0) return
+      k = maxloc(real_parts, dim=1)
+      rightmost%growth_rate = real_parts(k)
+      rightmost%frequency = abs(imaginary_parts(k))
+      rightmost%converged = .true.
+      rightmost%method = 'all eigenvalues by LAPACK'
+    else
+      call arnoldi(evolution, spectral_radius, rightmost)
+    end if
+  end subroutine find_rightmost
+
+  !> All eigenvalues of the Jacobian at the entries that are not prescribed: for small systems.
+  subroutine jacobian_spectrum(evolution, real_parts, imaginary_parts)
+    !> Whose Jacobian
+    class(evolution_t), intent(inout) :: evolution
+    !> Eigenvalues, 1/s
+    real(wp), allocatable, intent(out) :: real_parts(:), imaginary_parts(:)
+    real(wp), allocatable :: free(:), matrix(:, :), column(:), unit(:), work(:)
+    real(wp) :: none(1, 1)
+    integer, allocatable :: place(:)
+    integer :: n, k, info
+
+    allocate (free(evolution%unknowns()), source=1.0_wp)
+    allocate (unit(size(free)), column(size(free)))
+    call evolution%clear_prescribed(free)
+    place = pack([(k, k=1, size(free))], free > 0.5_wp)
+    n = size(place)
+    allocate (real_parts(n), imaginary_parts(n))
+    if (n == 0) return
+    allocate (matrix(n, n), work(34*n))
+    unit = 0
+    do k = 1, n
+      unit(place(k)) = 1
+      call evolution%jacobian_product(unit, column)
+      unit(place(k)) = 0
+      matrix(:, k) = column(place)
+    end do
+    call dgeev('N', 'N', n, matrix, n, real_parts, imaginary_parts, none, 1, none, 1, work, &
+               size(work), info)
+    ! Without convergence nothing may be claimed.
+    if (info /= 0) real_parts = huge(1.0_wp)
+  end subroutine jacobian_spectrum
+
+  !> ARPACK on the polynomial.
+  subroutine arnoldi(evolution, spectral_radius, rightmost)
+    class(evolution_t), intent(inout) :: evolution
+    real(wp), intent(in) :: spectral_radius
+    type(rightmost_t), intent(inout) :: rightmost
+    integer, parameter :: lworkl = 3*krylov_size**2 + 6*krylov_size
+    real(wp), allocatable :: residual(:), basis(:, :), workd(:), vectors(:, :)
+    real(wp) :: workl(lworkl), workev(3*krylov_size), dr(krylov_size), di(krylov_size), tolerance
+    logical :: chosen(krylov_size)
+    integer :: iparam(11), ipntr(14), ido, info, wanted, n, k
+
+    n = evolution%unknowns()
+    allocate (residual(n), basis(n, krylov_size), workd(3*n), vectors(n, krylov_size))
+    do k = 1, n
+      residual(k) = random_uniform(2, int(k, i8)) - 0.5_wp
+    end do
+    call evolution%clear_prescribed(residual)
+
+    ! ARPACK takes one more where a pair of eigenvalues would be torn apart.
+    wanted = 4
+    tolerance = 1.0e-4_wp
+    dr = 0
+    di = 0
+    ido = 0
+    info = 1
+    iparam = 0
+    iparam(1) = 1
+    iparam(3) = max(2, int(max(fewest_products, most_products*1.0e3_wp/n)/(krylov_size*degree)))
+    iparam(7) = 1
+    do
+      call dnaupd(ido, 'I', n, 'LM', wanted, tolerance, residual, krylov_size, basis, n, iparam, &
+                  ipntr, workd, workl, lworkl, info)
+      if (abs(ido) /= 1) exit
+      call apply_polynomial(evolution, spectral_radius, workd(ipntr(1):ipntr(1) + n - 1), &
+                            workd(ipntr(2):ipntr(2) + n - 1))
+    end do
+    rightmost%method = 'Arnoldi iteration'
+    rightmost%converged = info == 0
+    if (rightmost%converged) then
+      call dneupd(.true., 'A', chosen, dr, di, vectors, n, 0.0_wp, 0.0_wp, workev, 'I', n, 'LM', &
+                  wanted, tolerance, residual, krylov_size, basis, n, iparam, ipntr, workd, workl, &
+                  lworkl, info)
+      rightmost%converged = info == 0
+    end if
+    if (.not. rightmost%converged) then
+      ! The best single vector there is: what many polynomials leave over
+      call settle(evolution, spectral_radius, vectors(:, 1))
+      dr(1) = 1
+    end if
+    call judge(evolution, dr, di, vectors, rightmost)
+    ! What lies in the interval of fast decay is not what was looked for.
+    if (rightmost%growth_rate < -slow_part*margin*spectral_radius) rightmost%converged = .false.
+  end subroutine arnoldi
+
+  !> The Chebyshev polynomial of the Jacobian over the interval of fast decay, times a vector.
+  subroutine apply_polynomial(evolution, spectral_radius, v, product)
+    class(evolution_t), intent(inout) :: evolution
+    real(wp), intent(in) :: spectral_radius
+    real(wp), intent(in) :: v(:)
+    real(wp), intent(out) :: product(:)
+    real(wp), allocatable :: earlier(:), later(:), rate(:)
+    real(wp) :: centre, half, factor
+    integer :: j, k
+
+    centre = -0.5_wp*margin*spectral_radius*(1 + slow_part)
+    half = 0.5_wp*margin*spectral_radius*(1 - slow_part)
+    allocate (earlier(size(v)), later(size(v)), rate(size(v)))
+    earlier = 0
+    later = v
+    do j = 1, degree
+      call evolution%jacobian_product(later, rate)
+      factor = merge(1.0_wp, 2.0_wp, j == 1)/half
+      !$omp parallel do schedule(static) default(shared) private(k)
+      do k = 1, size(v)
+        product(k) = factor*(rate(k) - centre*later(k)) - earlier(k)
+        earlier(k) = later(k)
+        later(k) = product(k)
+      end do
+      !$omp end parallel do
+    end do
+    call evolution%clear_prescribed(product)
+  end subroutine apply_polynomial
+
+  !> Leave of a vector what grows most or decays least.
+  subroutine settle(evolution, spectral_radius, vector)
+    class(evolution_t), intent(inout) :: evolution
+    real(wp), intent(in) :: spectral_radius
+    real(wp), intent(out) :: vector(:)
+    real(wp), allocatable :: product(:)
+    integer :: k
+
+    do k = 1, size(vector)
+      vector(k) = random_uniform(3, int(k, i8)) - 0.5_wp
+    end do
+    allocate (product(size(vector)))
+    call evolution%clear_prescribed(vector)
+    do k = 1, 50
+      call apply_polynomial(evolution, spectral_radius, vector, product)
+      vector = product/maxval(abs(product))
+    end do
+  end subroutine settle
+
+  !> Of some eigenvectors the one whose Rayleigh quotient with the Jacobian has the largest real
+  !> part.
+  subroutine judge(evolution, dr, di, vectors, rightmost)
+    class(evolution_t), intent(inout) :: evolution
+    !> The polynomial's eigenvalues, those of a pair one after another; 0 where there is none
+    real(wp), intent(in) :: dr(:), di(:)
+    !> Its eigenvectors: of a pair first the real and then the imaginary part
+    real(wp), intent(in) :: vectors(:, :)
+    type(rightmost_t), intent(inout) :: rightmost
+    real(wp), allocatable :: a(:), b(:), ja(:), jb(:)
+    real(wp) :: norm, growth_rate
+    integer :: k
+
+    rightmost%growth_rate = -huge(1.0_wp)
+    allocate (a(size(vectors, 1)), b(size(vectors, 1)), ja(size(vectors, 1)), jb(size(vectors, 1)))
+    do k = 1, size(dr)
+      if (.not. dr(k)**2 + di(k)**2 > 0) cycle
+      a = vectors(:, k)
+      b = 0
+      if (k < size(dr) .and. di(k) > 0) b = vectors(:, k + 1)
+      ! The second of a pair repeats the first.
+      if (di(k) < 0) cycle
+      call evolution%jacobian_product(a, ja)
+      call evolution%jacobian_product(b, jb)
+      norm = dot(a, a) + dot(b, b)
+      growth_rate = (dot(a, ja) + dot(b, jb))/norm
+      if (growth_rate <= rightmost%growth_rate) cycle
+      rightmost%growth_rate = growth_rate
+      rightmost%frequency = abs(dot(a, jb) - dot(b, ja))/norm
+      rightmost%place = maxloc(a**2 + b**2, dim=1)
+    end do
+  end subroutine judge
+
+end module calor_rightmost_eigenvalue
