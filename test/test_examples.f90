@@ -1,7 +1,7 @@
 !> Runs the programs of example/ and looks at the numbers that they print.
 module test_examples
   use calor_kinds, only: wp
-  use test_process, only: outcome_t, run_command, environment_or, number_after
+  use test_process, only: outcome_t, run_command, environment_or, number_after, line_count
   use testdrive, only: new_unittest, unittest_type, error_type, check, test_failed
   implicit none (type, external)
   private
@@ -11,8 +11,9 @@ module test_examples
   character(len=*), parameter :: folder = 'build/test/examples'
 
   !> Every example; each has a test below
-  character(len=*), parameter :: examples(*) = [character(len=20) :: 'heat_in_ten_lines', &
-      'laplacian_of_a_field', 'neighbour_list', 'own_kernel', 'own_scheme']
+  character(len=*), parameter :: examples(*) = [character(len=20) :: 'error_table', &
+      'field_as_text', 'heat_in_ten_lines', 'laplacian_of_a_field', 'neighbour_list', &
+      'operator_table', 'own_kernel', 'own_scheme', 'scene_reference']
 
 contains
 
@@ -21,11 +22,15 @@ contains
 
     testsuite = [ &
                 new_unittest('no example is forgotten', test_all_known), &
+                new_unittest('error_table', test_error_table), &
+                new_unittest('field_as_text', test_field_as_text), &
                 new_unittest('heat_in_ten_lines', test_heat_in_ten_lines), &
                 new_unittest('laplacian_of_a_field', test_laplacian_of_a_field), &
                 new_unittest('neighbour_list', test_neighbour_list), &
+                new_unittest('operator_table', test_operator_table), &
                 new_unittest('own_kernel', test_own_kernel), &
-                new_unittest('own_scheme', test_own_scheme) &
+                new_unittest('own_scheme', test_own_scheme), &
+                new_unittest('scene_reference', test_scene_reference) &
                 ]
   end subroutine collect_examples
 
@@ -76,6 +81,46 @@ contains
     if (number >= lowest .and. number <= highest) return
     call test_failed(error, 'Wrong number after "'//phrase//'" in:'//new_line('a')//outcome%output)
   end subroutine check_number
+
+  subroutine test_error_table(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(outcome_t) :: outcome
+
+    call run_example('error_table', outcome, error)
+    if (allocated(error)) return
+    ! Brookshaw on the coarsest lattice
+    call check_number(error, outcome, '| 0.0 | 2.1 |', 2.2e-2_wp, 2.6e-2_wp)
+  end subroutine test_error_table
+
+  subroutine test_field_as_text(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(outcome_t) :: outcome
+
+    call run_example('field_as_text', outcome, error)
+    if (allocated(error)) return
+    call check_number(error, outcome, '# t =', 0.05_wp, 0.05_wp)
+    if (allocated(error)) return
+    call check(error, line_count(outcome%output) > 41*41, 'a line for each particle')
+  end subroutine test_field_as_text
+
+  subroutine test_operator_table(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(outcome_t) :: outcome
+
+    call run_example('operator_table', outcome, error)
+    if (allocated(error)) return
+    ! Brookshaw on the coarsest lattice
+    call check_number(error, outcome, '| 0.0 | 2.1 |', 3.0e-2_wp, 3.6e-2_wp)
+  end subroutine test_operator_table
+
+  subroutine test_scene_reference(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(outcome_t) :: outcome
+
+    call run_example('scene_reference', outcome, error)
+    if (allocated(error)) return
+    call check(error, index(outcome%output, '&domain') > 0, outcome%output)
+  end subroutine test_scene_reference
 
   subroutine test_heat_in_ten_lines(error)
     type(error_type), allocatable, intent(out) :: error
