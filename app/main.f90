@@ -114,6 +114,7 @@ contains
     if (allocated(error)) return
     call simulation%prepare(scene, error)
     if (allocated(error)) return
+    call simulation%predict_steps()
     call say_lines(describe_plan(simulation))
     call simulation%certify(error)
   end subroutine check
@@ -165,7 +166,7 @@ contains
       call say('  calor '//commands(k)%name(1:10)//place_holder(trim(commands(k)%name))//'   '// &
                trim(commands(k)%summary))
     end do
-    call say('  calor COMMAND --help     more about a command')
+    call say('  calor COMMAND --help    more about a command')
     call say('  calor --version')
     call say('')
     call say('A scene is a Fortran namelist file; ''calor new plate'' writes one to start from.')

@@ -152,14 +152,23 @@ contains
     character(len=:), allocatable :: text
 
     associate (report => simulation%report)
-      text = 'condition number at most '//to_text(maxval(report%condition_gradient), digits=2)
+      text = 'condition number at most '//condition_text(report%condition_gradient)
       if (any(report%condition_laplacian > 0)) then
         text = text//' (first derivative) and '// &
-               to_text(maxval(report%condition_laplacian), digits=2)//' (second)'
+               condition_text(report%condition_laplacian)//' (second)'
       end if
       text = text//'; singular at '//to_text(report%singular_rows())//' particles'
     end associate
   end function tensors
+
+  !> The largest condition number
+  pure function condition_text(conditions) result(text)
+    real(wp), intent(in) :: conditions(:)
+    character(len=:), allocatable :: text
+
+    text = 'infinite'
+    if (maxval(conditions) < 1.0e18_wp) text = to_text(maxval(conditions), digits=2)
+  end function condition_text
 
   function rows(simulation) result(text)
     type(simulation_t), intent(in) :: simulation
@@ -257,11 +266,13 @@ contains
         step = stepper%first_proposal()
         text = 'first step '//to_text(step, digits=2)// &
                ' s, then as long as the error of a step stays below '// &
-               to_text(stepper%tolerance, digits=2)//': at most about '// &
-               count_text(simulation%scene%time%end/step)//' steps'
+               to_text(stepper%tolerance, digits=2)
+        if (simulation%predicted_steps > 0) then
+          text = text//': about '//count_text(simulation%predicted_steps)//' steps'
+        end if
       else
         text = count_text(simulation%scene%time%end/stepper%longest_step)// &
-               ' steps of at most '//to_text(stepper%longest_step, digits=3)//' s'
+               ' of at most '//to_text(stepper%longest_step, digits=3)//' s'
       end if
       text = text//'; stable up to '//to_text(simulation%stability_limit, digits=3)// &
              ' s (forward Euler: '//to_text(2/radius, digits=3)//' s)'

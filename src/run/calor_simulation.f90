@@ -61,6 +61,8 @@ module calor_simulation
     type(stepper_t) :: stepper
     !> The longest step for which the chosen method is stable, s
     real(wp) :: stability_limit = 0.0_wp
+    !> About how many steps a run will take; 0: not predicted
+    real(wp) :: predicted_steps = 0.0_wp
     !> Time, s, and temperatures, in the cloud's order
     real(wp) :: time = 0.0_wp
     real(wp), allocatable :: temperature(:)
@@ -75,6 +77,8 @@ module calor_simulation
     procedure :: run
     !> Step to a time
     procedure :: advance_to
+    !> Find out about how many steps a run will take, from its first ones
+    procedure :: predict_steps
     !> Whether the rows and their spectrum allow a run
     procedure :: certify
     !> Whether the scene gives the true temperature
@@ -473,6 +477,31 @@ contains
            to_text(this%cloud%x(particle), digits=6)//', '// &
            to_text(this%cloud%y(particle), digits=6)//')'
   end function name_particle
+
+  !> Predict the number of steps: those of a pilot run, and the rest as long as its last one. Steps
+  !> are short at the start, while the field adapts to the operator, so that the first tells little.
+  subroutine predict_steps(this)
+    class(simulation_t), intent(inout) :: this
+    integer, parameter :: pilot_steps = 15
+    type(stepper_t) :: pilot
+    real(wp), allocatable :: temperature(:)
+    type(error_t), allocatable :: error
+    real(wp) :: time
+
+    associate (end_time => this%scene%time%end)
+      this%predicted_steps = end_time/this%stepper%longest_step
+      if (.not. this%stepper%tolerance > 0) return
+      pilot = this%stepper
+      temperature = this%temperature
+      time = this%time
+      call pilot%advance_to(this%conduction, time, end_time, temperature, error, &
+                            at_most=pilot_steps)
+      this%predicted_steps = pilot%steps
+      if (time < end_time .and. .not. allocated(error)) then
+        this%predicted_steps = pilot%steps + (end_time - time)/pilot%next_proposal()
+      end if
+    end associate
+  end subroutine predict_steps
 
   !> Whether a run would be stable: every row is exact or may be inexact, and no eigenvalue lies to
   !> the right of zero.

@@ -37,13 +37,15 @@ module calor_stepper
     procedure :: propose_first
     !> That length, s; 0 before it was found
     procedure :: first_proposal
+    !> The length of the step that would come next, s
+    procedure :: next_proposal
     procedure, private :: try_step
   end type stepper_t
 
 contains
 
   !> Integrate; the last step ends exactly at `end_time`.
-  subroutine advance_to(this, evolution, time, end_time, u, error)
+  subroutine advance_to(this, evolution, time, end_time, u, error, at_most)
     class(stepper_t), intent(inout) :: this
     !> What is integrated
     class(evolution_t), intent(inout) :: evolution
@@ -55,8 +57,10 @@ contains
     real(wp), intent(inout) :: u(:)
     !> The numbers went wrong
     type(error_t), allocatable, intent(out) :: error
+    !> Under error control: stop after so many steps, wherever that is
+    integer, intent(in), optional :: at_most
     real(wp) :: step, start
-    integer :: remaining, done
+    integer :: remaining, done, last
 
     if (.not. this%tolerance > 0) then
       if (.not. allocated(this%u_next)) allocate (this%u_next(size(u)))
@@ -72,7 +76,9 @@ contains
       return
     end if
     if (.not. this%proposed > 0) call this%propose_first(evolution, time, u)
-    do while (time < end_time)
+    last = huge(last)
+    if (present(at_most)) last = this%steps + at_most
+    do while (time < end_time .and. this%steps < last)
       step = min(this%proposed, this%longest_step)
       ! Steps of equal length to the end, rather than a tiny last one
       step = (end_time - time)/max(1.0_wp, aint((end_time - time)/step + 0.9999_wp))
@@ -162,5 +168,12 @@ contains
 
     step = this%first
   end function first_proposal
+
+  pure function next_proposal(this) result(step)
+    class(stepper_t), intent(in) :: this
+    real(wp) :: step
+
+    step = min(this%proposed, this%longest_step)
+  end function next_proposal
 
 end module calor_stepper
