@@ -114,7 +114,7 @@ contains
     if (allocated(error)) return
     call write_scene('&time end = 0.02 method = ''forward_euler'' step = 0.001 /')
     call calor('check scene.nml', outcome)
-    call expect_success(error, outcome, '20 steps of at most 0.001 s')
+    call expect_success(error, outcome, '20 of at most 0.001 s')
   end subroutine test_check
 
   subroutine test_operators(error)
