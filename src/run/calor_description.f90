@@ -175,19 +175,22 @@ contains
     character(len=:), allocatable :: text
 
     associate (quality => simulation%repairs%quality)
-      text = 'quality (1: no negative weight) '//spread_text(quality%ratio)//'; '// &
-             to_text(count(quality%ratio > 1.0e300_wp))//' with a diagonal of the wrong sign; '// &
-             'neighbours with a weight '//spread_text(real(quality%neighbours, wp))
+      text = 'quality '//spread_text(quality%ratio)//' (1: no negative weight); '// &
+             spread_text(real(quality%neighbours, wp))//' neighbours with a weight'
+      if (any(quality%ratio > 1.0e300_wp)) then
+        text = text//'; '//to_text(count(quality%ratio > 1.0e300_wp))// &
+               ' with a diagonal of the wrong sign'
+      end if
     end associate
   end function rows
 
-  !> 'least / median / largest'
+  !> 'least to largest, median middle'
   function spread_text(values) result(text)
     real(wp), intent(in) :: values(:)
     character(len=:), allocatable :: text
 
-    text = to_text(minval(values), digits=3)//' / '//to_text(median(values), digits=3)//' / '// &
-           to_text(maxval(values), digits=3)
+    text = to_text(minval(values), digits=3)//' to '//to_text(maxval(values), digits=3)// &
+           ', median '//to_text(median(values), digits=3)
   end function spread_text
 
   !> The median by bisection of the range of values: no sorting, for it is only told.
