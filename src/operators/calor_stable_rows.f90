@@ -5,6 +5,8 @@
 !> quadratic fields (Seibold 2008). Where the cloud admits none, as next to a wall that is much
 !> nearer than its particles are to each other, the row becomes the stencil of non-negative weights
 !> that is exact for linear fields and nearest to exact for quadratic ones: stable, but reported.
+!> Such a row on neighbours that are far too near, as those of a particle that nearly touches a
+!> wall, is slowed down to what a row may cost.
 module calor_stable_rows
   use calor_kernel, only: kernel_t
   use calor_kinds, only: wp, ip, i8
@@ -81,13 +83,18 @@ contains
     allocate (repairs%repair(size(targets)), source=as_written)
     call build_neighbour_list(x, y, radius(targets), list, targets)
     call scheme%assemble(kernel, x, y, volume, radius, list, laplacian, report)
-    ! Only a scheme that is exact for quadratics gets better as its support grows.
     if (scheme%exact_degree() < 2) then
+      call surround(x, y, radius, list, repairs%repair)
+      if (any(repairs%repair == support_grown)) then
+        call build_neighbour_list(x, y, radius(targets), list, targets)
+        call scheme%assemble(kernel, x, y, volume, radius, list, laplacian, report)
+      end if
       call measure_rows(laplacian, x, y, radius, scheme%exact_degree(), repairs%quality)
       return
     end if
     call measure_rows(laplacian, x, y, radius, 2, quality)
-    poor = is_poor(quality%ratio, quality%residual, quality%stiffness, largest_residual)
+    poor = is_poor(quality%ratio, quality%residual, quality%stiffness, largest_residual, &
+                   largest_stiffness)
     if (any(poor)) then
       first_radius = radius(targets)
       failed = pack([(int(k, ip), k=1, size(targets))], poor)
@@ -100,6 +107,9 @@ contains
       radius(targets(failed)) = first_radius(failed)/growth
       call grow(positive_t(relaxed=.true.), kernel, x, y, volume, radius, targets, &
                 enough_neighbours, huge(1.0_wp), failed)
+      radius(targets(failed)) = first_radius(failed)/growth
+      call grow(positive_t(relaxed=.true.), kernel, x, y, volume, radius, targets, &
+                enough_neighbours, huge(1.0_wp), failed, allowed_stiffness=huge(1.0_wp))
       repairs%repair(failed) = no_stencil
       radius(targets(failed)) = first_radius(failed)
       call build_neighbour_list(x, y, radius(targets), list, targets)
@@ -109,24 +119,100 @@ contains
       call replace_rows(positive_t(relaxed=.true.), kernel, x, y, volume, radius, &
                         repairs%repair == inexact_stencil, laplacian)
       do k = 1, size(targets)
-        if (repairs%repair(k) /= no_stencil) cycle
-        laplacian%weight(laplacian%first(k):laplacian%first(k + 1) - 1) = 0
-        laplacian%diagonal(k) = 0
+        if (repairs%repair(k) == no_stencil) call scale_row(laplacian, k, 0.0_wp)
       end do
     end if
     call measure_rows(laplacian, x, y, radius, 2, repairs%quality)
+    if (all(repairs%repair /= inexact_stencil)) return
+    do k = 1, size(targets)
+      if (repairs%repair(k) /= inexact_stencil) cycle
+      if (repairs%quality%stiffness(k) <= largest_stiffness) cycle
+      call scale_row(laplacian, k, largest_stiffness/repairs%quality%stiffness(k))
+    end do
+    call measure_rows(laplacian, x, y, radius, 2, repairs%quality)
   end subroutine assemble_stable_rows
 
-  elemental function is_poor(ratio, residual, stiffness, allowed_residual) result(poor)
-    real(wp), intent(in) :: ratio, residual, stiffness, allowed_residual
+  pure subroutine scale_row(laplacian, row, factor)
+    type(sparse_operator_t), intent(inout) :: laplacian
+    integer, intent(in) :: row
+    real(wp), intent(in) :: factor
+
+    associate (from => laplacian%first(row), to => laplacian%first(row + 1) - 1)
+      laplacian%weight(from:to) = factor*laplacian%weight(from:to)
+      laplacian%diagonal(row) = factor*laplacian%diagonal(row)
+    end associate
+  end subroutine scale_row
+
+  !> Grow the supports of particles until their neighbours surround them.
+  subroutine surround(x, y, radius, first_list, repair)
+    real(wp), intent(in) :: x(:), y(:)
+    real(wp), intent(inout) :: radius(:)
+    !> Neighbours before any growth
+    type(neighbour_list_t), intent(in) :: first_list
+    !> Becomes `support_grown` where that was so
+    integer, intent(inout) :: repair(:)
+    type(neighbour_list_t) :: list
+    integer(ip), allocatable :: rows(:), candidates(:)
+    logical, allocatable :: alone(:)
+    integer :: k, time
+
+    rows = [(int(k, ip), k=1, first_list%rows())]
+    list = first_list
+    do time = 0, most_times
+      allocate (alone(list%rows()))
+      !$omp parallel do schedule(static) default(shared) private(k)
+      do k = 1, list%rows()
+        associate (neighbour => list%index(list%first(k):list%first(k + 1) - 1), &
+                   i => list%target(k))
+          ! A radius that reaches every particle can do no more.
+          alone(k) = size(neighbour) < size(x) - 1 .and. &
+                     .not. surrounded(x(neighbour) - x(i), y(neighbour) - y(i))
+        end associate
+      end do
+      !$omp end parallel do
+      rows = pack(rows, alone)
+      deallocate (alone)
+      if (size(rows) == 0 .or. time == most_times) return
+      repair(rows) = support_grown
+      candidates = first_list%target(rows)
+      radius(candidates) = growth*radius(candidates)
+      call build_neighbour_list(x, y, radius(candidates), list, candidates)
+    end do
+  end subroutine surround
+
+  !> Whether no straight line through the origin has all points on one side of it.
+  pure function surrounded(dx, dy) result(answer)
+    real(wp), intent(in) :: dx(:), dy(:)
+    logical :: answer
+    logical :: quadrant(4)
+    integer :: k
+
+    ! The usual case, and the cheap one
+    quadrant = [any(dx > 0 .and. dy >= 0), any(dx <= 0 .and. dy > 0), any(dx < 0 .and. dy <= 0), &
+                any(dx >= 0 .and. dy < 0)]
+    answer = all(quadrant)
+    if (answer .or. size(dx) < 3) return
+    ! Along each neighbour's direction there must be others on the left and on the right, or it is
+    ! an outermost one; two opposite ones alone do not surround.
+    do k = 1, size(dx)
+      if (.not. any(dx(k)*dy - dy(k)*dx > 0)) return
+      if (.not. any(dx(k)*dy - dy(k)*dx < 0)) return
+    end do
+    answer = .true.
+  end function surrounded
+
+  elemental function is_poor(ratio, residual, stiffness, allowed_residual, allowed_stiffness) &
+    result(poor)
+    real(wp), intent(in) :: ratio, residual, stiffness, allowed_residual, allowed_stiffness
     logical :: poor
 
     poor = .not. (ratio <= largest_ratio .and. residual <= allowed_residual .and. &
-                  stiffness <= largest_stiffness)
+                  stiffness <= allowed_stiffness)
   end function is_poor
 
   !> Grow the supports of some rows until they are good.
-  subroutine grow(scheme, kernel, x, y, volume, radius, targets, fewest, allowed_residual, rows)
+  subroutine grow(scheme, kernel, x, y, volume, radius, targets, fewest, allowed_residual, rows, &
+                  allowed_stiffness)
     class(laplacian_scheme_t), intent(in) :: scheme
     class(kernel_t), intent(in) :: kernel
     real(wp), intent(in) :: x(:), y(:), volume(:)
@@ -138,14 +224,19 @@ contains
     real(wp), intent(in) :: allowed_residual
     !> The poor rows, as positions in `targets`; in the end those that could not be made good
     integer(ip), allocatable, intent(inout) :: rows(:)
+    !> … and be so stiff, if that is not the usual bound
+    real(wp), intent(in), optional :: allowed_stiffness
     type(neighbour_list_t) :: list
     type(sparse_operator_t) :: laplacian
+    real(wp) :: stiffness
     type(row_quality_t) :: quality
     integer(ip), allocatable :: failed(:), candidates(:)
     integer, allocatable :: neighbours(:)
     logical, allocatable :: poor(:)
     integer :: time
 
+    stiffness = largest_stiffness
+    if (present(allowed_stiffness)) stiffness = allowed_stiffness
     allocate (failed(0))
     do time = 1, most_times
       if (size(rows) == 0) exit
@@ -155,7 +246,8 @@ contains
       call scheme%assemble(kernel, x, y, volume, radius, list, laplacian)
       call measure_rows(laplacian, x, y, radius, 2, quality)
       neighbours = int(list%first(2:) - list%first(:list%rows()))
-      poor = is_poor(quality%ratio, quality%residual, quality%stiffness, allowed_residual) .or. &
+      poor = is_poor(quality%ratio, quality%residual, quality%stiffness, allowed_residual, &
+                     stiffness) .or. &
              neighbours < min(fewest, size(x) - 1)
       rows = pack(rows, poor)
       neighbours = pack(neighbours, poor)

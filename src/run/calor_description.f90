@@ -279,6 +279,10 @@ contains
       end if
       text = text//'; stable up to '//to_text(simulation%stability_limit, digits=3)// &
              ' s (forward Euler: '//to_text(2/radius, digits=3)//' s)'
+      if (simulation%monotone_limit > 0) then
+        text = text//'; up to '//to_text(simulation%monotone_limit, digits=3)// &
+               ' s no temperature leaves the range of those before it'
+      end if
     end associate
   end function steps
 

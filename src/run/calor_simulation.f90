@@ -63,6 +63,9 @@ module calor_simulation
     real(wp) :: stability_limit = 0.0_wp
     !> About how many steps a run will take; 0: not predicted
     real(wp) :: predicted_steps = 0.0_wp
+    !> The longest step after which no temperature can lie outside the range of those before, s; 0:
+    !> scheme and method give no such promise
+    real(wp) :: monotone_limit = 0.0_wp
     !> Time, s, and temperatures, in the cloud's order
     real(wp) :: time = 0.0_wp
     real(wp), allocatable :: temperature(:)
@@ -550,6 +553,17 @@ contains
       this%rightmost%converged = .true.
       this%rightmost%method = 'no weight is negative'
     end if
+    if (this%rightmost%growth_rate > 0) then
+      this%conduction%suspicion = 'The scheme '//this%scene%laplacian// &
+                                  ' is unstable on this cloud: before the run an eigenvalue '// &
+                                  'of +'//to_text(this%rightmost%growth_rate, digits=3)// &
+                                  ' 1/s was found'//this%where_unstable()//'. Remove '// &
+                                  '&scheme allow_unstable and take support_growth = .true. '// &
+                                  'or laplacian = ''positive''.'
+    else if (this%rightmost%converged) then
+      this%conduction%suspicion = 'The scheme has no unstable eigenvalue on this cloud, so the '// &
+                                  'step is too long: take a smaller &time step or tolerance.'
+    end if
   end subroutine find_growth
 
   pure function where_unstable(this) result(text)
@@ -564,7 +578,7 @@ contains
   subroutine choose_steps(this, error)
     class(simulation_t), intent(inout) :: this
     type(error_t), allocatable, intent(out) :: error
-    real(wp) :: bound, scale
+    real(wp) :: bound, scale, step
 
     associate (time => this%scene%time, stepper => this%stepper)
       call make_integrator(time%method, stepper%integrator, error)
@@ -579,7 +593,14 @@ contains
       stepper%spectral_radius = estimate_spectral_radius(this%conduction, bound)
       stepper%spectral_radius = max(stepper%spectral_radius, 1.0e-6_wp/time%end)
       this%stability_limit = stepper%integrator%longest_stable_step(stepper%spectral_radius)
+      if (this%conduction%fastest_decay() > 0) then
+        this%monotone_limit = &
+          stepper%integrator%longest_monotone_step(this%conduction%fastest_decay())
+      end if
       if (time%step > 0) then
+        step = time%step
+        call stepper%integrator%shorten_step(this%conduction, stepper%spectral_radius, step)
+        if (step < time%step) this%stability_limit = min(this%stability_limit, step)
         if (time%step > this%stability_limit) then
           call raise(error, status_bad_input, time%place//': step = '//to_text(time%step)// &
                      ' s is beyond the stability limit of '//time%method//' on this cloud, '// &
@@ -603,6 +624,9 @@ contains
           return
         end if
         stepper%longest_step = safe_part*this%stability_limit
+        if (this%monotone_limit > 0) then
+          stepper%longest_step = min(stepper%longest_step, this%monotone_limit)
+        end if
       end if
       if (stepper%longest_step*huge(1) < time%end) then
         call raise(error, status_bad_input, time%place//': steps of at most '// &

@@ -1,5 +1,6 @@
 !> The forward Euler method: first order, one evaluation a step, stable for |λ| Δt ≤ 2.
 module calor_forward_euler
+  use calor_constants, only: worth_threads
   use calor_evolution, only: evolution_t
   use calor_integrator, only: integrator_t
   use calor_kinds, only: wp
@@ -11,6 +12,7 @@ module calor_forward_euler
   type, extends(integrator_t) :: forward_euler_t
   contains
     procedure :: longest_stable_step
+    procedure :: longest_monotone_step
     procedure :: estimates_error
     procedure :: advance
   end type forward_euler_t
@@ -24,6 +26,17 @@ contains
 
     step = 2/spectral_radius
   end function longest_stable_step
+
+  pure function longest_monotone_step(this, fastest_decay) result(step)
+    class(forward_euler_t), intent(in) :: this
+    real(wp), intent(in) :: fastest_decay
+    real(wp) :: step
+
+    ! u_i + Δt Σ a_ij u_j is a mean of temperatures as long as 1 + Δt a_ii is no negative weight.
+    associate (unused => this)
+    end associate
+    step = 1/fastest_decay
+  end function longest_monotone_step
 
   pure function estimates_error(this) result(answer)
     class(forward_euler_t), intent(in) :: this
@@ -44,7 +57,7 @@ contains
 
     call evolution%rate(time, u, u_next)
     this%evaluations = this%evaluations + 1
-    !$omp parallel do schedule(static) default(shared) private(k)
+    !$omp parallel do if (size(u) > worth_threads) schedule(static) default(shared) private(k)
     do k = 1, size(u)
       u_next(k) = u(k) + step*u_next(k)
     end do

@@ -14,6 +14,11 @@ module calor_integrator
   contains
     !> The longest step that is stable for eigenvalues on the negative real axis, s
     procedure(limit_interface), deferred :: longest_stable_step
+    !> The longest step after which, where no weight is negative and held temperatures are
+    !> constant, no temperature lies outside the range of those before, s; 0: no such promise
+    procedure :: longest_monotone_step
+    !> Shorten a step that is stable on the real axis, but not for the evolution's own spectrum
+    procedure :: shorten_step
     !> Whether `advance` estimates its error
     procedure(knows_interface), deferred :: estimates_error
     !> Compute the state one step later
@@ -60,6 +65,33 @@ module calor_integrator
   end interface
 
 contains
+
+  pure function longest_monotone_step(this, fastest_decay) result(step)
+    class(integrator_t), intent(in) :: this
+    !> The largest -a_ii of the Jacobian, 1/s
+    real(wp), intent(in) :: fastest_decay
+    real(wp) :: step
+
+    ! No method of second or higher order makes the promise for steps of any length (C. Bolley,
+    ! M. Crouzeix, RAIRO Anal. Numér. 12 (1978) 237–245).
+    associate (unused => this, also => fastest_decay)
+    end associate
+    step = 0
+  end function longest_monotone_step
+
+  subroutine shorten_step(this, evolution, spectral_radius, step)
+    class(integrator_t), intent(inout) :: this
+    !> What is integrated
+    class(evolution_t), intent(inout) :: evolution
+    !> Spectral radius of the Jacobian, 1/s
+    real(wp), intent(in) :: spectral_radius
+    !> Step, s
+    real(wp), intent(inout) :: step
+
+    ! Most methods are stable wherever their limit lets them be.
+    associate (unused => this, also => evolution, and => spectral_radius, too => step)
+    end associate
+  end subroutine shorten_step
 
   subroutine accept(this)
     class(integrator_t), intent(inout) :: this

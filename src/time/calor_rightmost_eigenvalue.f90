@@ -3,12 +3,14 @@
 !> An eigenvalue to the right of the imaginary axis makes the heat equation blow up, whatever the
 !> step. Small systems are solved densely by LAPACK. For large ones plain Arnoldi would find the far
 !> left end of the spectrum; so ARPACK is given a Chebyshev polynomial of the Jacobian that is small
-!> on the interval of fast decay and grows towards and beyond zero, where the slow and unstable
-!> modes are.
+!> on the interval of fast decay, or on an ellipse about it, and grows towards and beyond zero,
+!> where the slow and unstable modes are. At every unstable eigenvalue it is larger than at zero:
+!> when the search for its largest values has come down to that, no unstable eigenvalue is left.
 !>
 !> Source: Y. Saad, Chebyshev acceleration techniques for solving nonsymmetric eigenvalue problems,
 !> Math. Comput. 42 (1984) 567–588.
 module calor_rightmost_eigenvalue
+  use calor_constants, only: worth_threads
   use calor_arpack, only: dnaupd, dneupd, dgeev
   use calor_evolution, only: evolution_t
   use calor_kinds, only: wp, i8
@@ -40,10 +42,14 @@ module calor_rightmost_eigenvalue
   real(wp), parameter :: slow_part = 5.0_wp/degree**2
   !> Eigenvalues to the left of the interval would mislead: it is wider than the spectrum should be
   real(wp), parameter :: margin = 1.1_wp
+  !> How often the ellipse may be widened
+  integer, parameter :: most_ellipses = 5
+  !> Eigenvalues wanted; ARPACK takes one more where a pair would be torn apart
+  integer, parameter :: most_wanted = 4
   !> Vectors of the Krylov space
   integer, parameter :: krylov_size = 24
   !> Products with the Jacobian are limited to this many, times a thousand unknowns over the size
-  real(wp), parameter :: most_products = 2.0e6_wp, fewest_products = 1.0e4_wp
+  real(wp), parameter :: most_products = 1.0e6_wp, fewest_products = 1.0e3_wp
 
 contains
 
@@ -68,6 +74,7 @@ contains
       rightmost%frequency = abs(imaginary_parts(k))
       rightmost%converged = .true.
       rightmost%method = 'all eigenvalues by LAPACK'
+      if (rightmost%growth_rate > 0) call find_place(evolution, free, rightmost)
     else
       call arnoldi(evolution, spectral_radius, rightmost)
     end if
@@ -105,26 +112,83 @@ contains
     if (info /= 0) real_parts = huge(1.0_wp)
   end subroutine jacobian_spectrum
 
-  !> ARPACK on the polynomial.
+  !> Where an unstable mode is strongest: (J + shift)ᵏ of any vector becomes that mode, as with the
+  !> shift it is the largest of all.
+  subroutine find_place(evolution, free, rightmost)
+    class(evolution_t), intent(inout) :: evolution
+    !> 1 at entries that are not prescribed, else 0
+    real(wp), intent(in) :: free(:)
+    type(rightmost_t), intent(inout) :: rightmost
+    integer, parameter :: most_products = 3000
+    real(wp) :: vector(size(free)), product(size(free)), shift, rate
+    integer :: k
+
+    do k = 1, size(free)
+      vector(k) = free(k)*(random_uniform(4, int(k, i8)) - 0.5_wp)
+    end do
+    shift = 0
+    do k = 1, most_products
+      vector = vector/maxval(abs(vector))
+      call evolution%jacobian_product(vector, product)
+      rate = dot(vector, product)/dot(vector, vector)
+      ! Where the left end of the spectrum takes over, the shift was too small.
+      if (rate < 0) shift = max(shift, -rate)
+      vector = product + shift*vector
+      if (.not. maxval(abs(vector)) > 0) return
+    end do
+    rightmost%place = maxloc(abs(vector), dim=1)
+  end subroutine find_place
+
+  !> ARPACK on the polynomial, with a wider ellipse as long as eigenvalues off the axis hide those
+  !> that are looked for.
   subroutine arnoldi(evolution, spectral_radius, rightmost)
     class(evolution_t), intent(inout) :: evolution
     real(wp), intent(in) :: spectral_radius
     type(rightmost_t), intent(inout) :: rightmost
+    real(wp) :: centre, half_width, half_height, focus, at_zero, least, highest
+    integer :: attempt
+
+    centre = -0.5_wp*margin*spectral_radius*(1 + slow_part)
+    half_width = 0.5_wp*margin*spectral_radius*(1 - slow_part)
+    half_height = 0
+    do attempt = 1, most_ellipses
+      focus = sqrt(half_width**2 - half_height**2)
+      call search(evolution, centre, focus, rightmost, least, highest)
+      if (rightmost%growth_rate > 0) return
+      at_zero = cosh(degree*acosh(-centre/focus))
+      if (.not. rightmost%converged) exit
+      ! What lies in the interval of fast decay is not what was looked for.
+      if (least < at_zero .and. &
+          rightmost%growth_rate > -slow_part*margin*spectral_radius) return
+      half_height = min(max(1.25_wp*highest, 1.5_wp*half_height, 0.05_wp*half_width), &
+                        0.9_wp*half_width)
+    end do
+    rightmost%converged = .false.
+  end subroutine arnoldi
+
+  !> ARPACK on one polynomial.
+  subroutine search(evolution, centre, focus, rightmost, least, highest)
+    class(evolution_t), intent(inout) :: evolution
+    !> Centre of the ellipse, and half the distance between its foci, 1/s
+    real(wp), intent(in) :: centre, focus
+    type(rightmost_t), intent(inout) :: rightmost
+    !> The least magnitude of the polynomial at the eigenvalues found, and the largest imaginary
+    !> part of these, 1/s
+    real(wp), intent(out) :: least, highest
     integer, parameter :: lworkl = 3*krylov_size**2 + 6*krylov_size
     real(wp), allocatable :: residual(:), basis(:, :), workd(:), vectors(:, :)
-    real(wp) :: workl(lworkl), workev(3*krylov_size), dr(krylov_size), di(krylov_size), tolerance
+    real(wp) :: workl(lworkl), workev(3*krylov_size), dr(most_wanted + 2), di(most_wanted + 2), tolerance
     logical :: chosen(krylov_size)
     integer :: iparam(11), ipntr(14), ido, info, wanted, n, k
 
     n = evolution%unknowns()
-    allocate (residual(n), basis(n, krylov_size), workd(3*n), vectors(n, krylov_size))
+    allocate (residual(n), basis(n, krylov_size), workd(3*n), vectors(n, most_wanted + 2))
     do k = 1, n
       residual(k) = random_uniform(2, int(k, i8)) - 0.5_wp
     end do
     call evolution%clear_prescribed(residual)
 
-    ! ARPACK takes one more where a pair of eigenvalues would be torn apart.
-    wanted = 4
+    wanted = most_wanted
     tolerance = 1.0e-4_wp
     dr = 0
     di = 0
@@ -138,7 +202,7 @@ contains
       call dnaupd(ido, 'I', n, 'LM', wanted, tolerance, residual, krylov_size, basis, n, iparam, &
                   ipntr, workd, workl, lworkl, info)
       if (abs(ido) /= 1) exit
-      call apply_polynomial(evolution, spectral_radius, workd(ipntr(1):ipntr(1) + n - 1), &
+      call apply_polynomial(evolution, centre, focus, workd(ipntr(1):ipntr(1) + n - 1), &
                             workd(ipntr(2):ipntr(2) + n - 1))
     end do
     rightmost%method = 'Arnoldi iteration'
@@ -151,33 +215,30 @@ contains
     end if
     if (.not. rightmost%converged) then
       ! The best single vector there is: what many polynomials leave over
-      call settle(evolution, spectral_radius, vectors(:, 1))
+      call settle(evolution, centre, focus, vectors(:, 1))
       dr(1) = 1
     end if
-    call judge(evolution, dr, di, vectors, rightmost)
-    ! What lies in the interval of fast decay is not what was looked for.
-    if (rightmost%growth_rate < -slow_part*margin*spectral_radius) rightmost%converged = .false.
-  end subroutine arnoldi
+    least = sqrt(minval(dr**2 + di**2, dr**2 + di**2 > 0))
+    call judge(evolution, dr, di, vectors, rightmost, highest)
+  end subroutine search
 
-  !> The Chebyshev polynomial of the Jacobian over the interval of fast decay, times a vector.
-  subroutine apply_polynomial(evolution, spectral_radius, v, product)
+  !> The Chebyshev polynomial of the Jacobian times a vector.
+  subroutine apply_polynomial(evolution, centre, focus, v, product)
     class(evolution_t), intent(inout) :: evolution
-    real(wp), intent(in) :: spectral_radius
+    real(wp), intent(in) :: centre, focus
     real(wp), intent(in) :: v(:)
     real(wp), intent(out) :: product(:)
     real(wp), allocatable :: earlier(:), later(:), rate(:)
-    real(wp) :: centre, half, factor
+    real(wp) :: factor
     integer :: j, k
 
-    centre = -0.5_wp*margin*spectral_radius*(1 + slow_part)
-    half = 0.5_wp*margin*spectral_radius*(1 - slow_part)
     allocate (earlier(size(v)), later(size(v)), rate(size(v)))
     earlier = 0
     later = v
     do j = 1, degree
       call evolution%jacobian_product(later, rate)
-      factor = merge(1.0_wp, 2.0_wp, j == 1)/half
-      !$omp parallel do schedule(static) default(shared) private(k)
+      factor = merge(1.0_wp, 2.0_wp, j == 1)/focus
+      !$omp parallel do if (size(v) > worth_threads) schedule(static) default(shared) private(k)
       do k = 1, size(v)
         product(k) = factor*(rate(k) - centre*later(k)) - earlier(k)
         earlier(k) = later(k)
@@ -189,9 +250,9 @@ contains
   end subroutine apply_polynomial
 
   !> Leave of a vector what grows most or decays least.
-  subroutine settle(evolution, spectral_radius, vector)
+  subroutine settle(evolution, centre, focus, vector)
     class(evolution_t), intent(inout) :: evolution
-    real(wp), intent(in) :: spectral_radius
+    real(wp), intent(in) :: centre, focus
     real(wp), intent(out) :: vector(:)
     real(wp), allocatable :: product(:)
     integer :: k
@@ -201,26 +262,29 @@ contains
     end do
     allocate (product(size(vector)))
     call evolution%clear_prescribed(vector)
-    do k = 1, 50
-      call apply_polynomial(evolution, spectral_radius, vector, product)
+    do k = 1, 10
+      call apply_polynomial(evolution, centre, focus, vector, product)
       vector = product/maxval(abs(product))
     end do
   end subroutine settle
 
   !> Of some eigenvectors the one whose Rayleigh quotient with the Jacobian has the largest real
   !> part.
-  subroutine judge(evolution, dr, di, vectors, rightmost)
+  subroutine judge(evolution, dr, di, vectors, rightmost, highest)
     class(evolution_t), intent(inout) :: evolution
     !> The polynomial's eigenvalues, those of a pair one after another; 0 where there is none
     real(wp), intent(in) :: dr(:), di(:)
     !> Its eigenvectors: of a pair first the real and then the imaginary part
     real(wp), intent(in) :: vectors(:, :)
     type(rightmost_t), intent(inout) :: rightmost
+    !> The largest imaginary part of any of them
+    real(wp), intent(out) :: highest
     real(wp), allocatable :: a(:), b(:), ja(:), jb(:)
-    real(wp) :: norm, growth_rate
+    real(wp) :: norm, growth_rate, frequency
     integer :: k
 
     rightmost%growth_rate = -huge(1.0_wp)
+    highest = 0
     allocate (a(size(vectors, 1)), b(size(vectors, 1)), ja(size(vectors, 1)), jb(size(vectors, 1)))
     do k = 1, size(dr)
       if (.not. dr(k)**2 + di(k)**2 > 0) cycle
@@ -233,9 +297,11 @@ contains
       call evolution%jacobian_product(b, jb)
       norm = dot(a, a) + dot(b, b)
       growth_rate = (dot(a, ja) + dot(b, jb))/norm
+      frequency = abs(dot(a, jb) - dot(b, ja))/norm
+      highest = max(highest, frequency)
       if (growth_rate <= rightmost%growth_rate) cycle
       rightmost%growth_rate = growth_rate
-      rightmost%frequency = abs(dot(a, jb) - dot(b, ja))/norm
+      rightmost%frequency = frequency
       rightmost%place = maxloc(a**2 + b**2, dim=1)
     end do
   end subroutine judge

@@ -3,12 +3,19 @@
 !> With s stages it is stable for |λ| Δt ≤ (s² + s - 2)/2, so its reach grows with the square of the
 !> work: it takes as many stages as a step needs.
 !>
+!> The more stages, the less may eigenvalues lie off the real axis: with 301 stages an imaginary
+!> part of 0.2 % of the spectral radius is amplified a million times in one step, and irregular
+!> clouds have up to 8 %. So before a step takes more stages than any before it, a few such steps of
+!> the linear problem are tried out on a vector of random numbers.
+!>
 !> Source: C.D. Meyer, D.S. Balsara, T.D. Aslam, J. Comput. Phys. 257 (2014) 594–626, equations
 !> (15)–(19).
 module calor_rkl2
+  use calor_constants, only: worth_threads
   use calor_evolution, only: evolution_t
   use calor_integrator, only: integrator_t
-  use calor_kinds, only: wp
+  use calor_kinds, only: wp, i8
+  use calor_random, only: random_uniform
   use calor_sums, only: root_mean_square
   implicit none (type, external)
   private
@@ -23,8 +30,13 @@ module calor_rkl2
     real(wp), allocatable :: rate_stage(:), stage(:, :)
     !> Whether rate_start belongs to the state that the next step starts from
     logical :: started = .false.
+    !> So many stages are stable for this spectrum
+    integer :: proven_stages = 3
+    !> Whether more were found to be unstable
+    logical :: exhausted = .false.
   contains
     procedure :: longest_stable_step
+    procedure :: shorten_step
     procedure :: estimates_error
     procedure :: advance
     procedure :: accept
@@ -32,6 +44,10 @@ module calor_rkl2
 
   !> Beyond some hundred stages rounding errors inside a step grow
   integer, parameter :: most_stages = 301
+  !> Each trial is of so many times more stages than the one before
+  real(wp), parameter :: trial_growth = 1.5_wp
+  !> Steps of a trial: enough for an unstable mode to stand out from a random vector
+  integer, parameter :: trial_steps = 8
 
 contains
 
@@ -55,8 +71,109 @@ contains
     real(wp), intent(in) :: spectral_radius
     real(wp) :: step
 
-    step = 0.5_wp*(most_stages**2 + most_stages - 2)/spectral_radius
+    step = reach(most_stages)/spectral_radius
   end function longest_stable_step
+
+  !> The longest stable step on the real axis, times the spectral radius
+  pure function reach(stages)
+    integer, intent(in) :: stages
+    real(wp) :: reach
+
+    reach = 0.5_wp*(real(stages, wp)**2 + stages - 2)
+  end function reach
+
+  subroutine shorten_step(this, evolution, spectral_radius, step)
+    class(rkl2_t), intent(inout) :: this
+    class(evolution_t), intent(inout) :: evolution
+    real(wp), intent(in) :: spectral_radius
+    real(wp), intent(inout) :: step
+    integer :: needed, trial
+
+    needed = rkl2_stages(step, spectral_radius)
+    do while (needed > this%proven_stages .and. .not. this%exhausted)
+      trial = min(most_stages, ceiling(trial_growth*this%proven_stages))
+      if (mod(trial, 2) == 0) trial = trial + 1
+      if (trial > most_stages .or. trial == this%proven_stages) exit
+      if (is_stable(evolution, trial, reach(trial)/spectral_radius)) then
+        this%proven_stages = trial
+      else
+        this%exhausted = .true.
+      end if
+      this%evaluations = this%evaluations + trial_steps*trial
+    end do
+    if (needed > this%proven_stages) then
+      step = min(step, reach(this%proven_stages)/spectral_radius*(1 - 1.0e-9_wp))
+    end if
+  end subroutine shorten_step
+
+  !> Whether steps of the linear problem shorten a vector of random numbers.
+  function is_stable(evolution, stages, step)
+    class(evolution_t), intent(inout) :: evolution
+    integer, intent(in) :: stages
+    real(wp), intent(in) :: step
+    logical :: is_stable
+    real(wp), allocatable :: v(:), rate_start(:), rate(:), older(:), newer(:), latest(:)
+    real(wp) :: c(4), before
+    integer :: k, j, n, i
+
+    n = evolution%unknowns()
+    allocate (v(n), rate_start(n), rate(n), older(n), newer(n), latest(n))
+    do k = 1, n
+      v(k) = random_uniform(5, int(k, i8)) - 0.5_wp
+    end do
+    call evolution%clear_prescribed(v)
+    is_stable = .true.
+    before = root_mean_square(v)
+    do k = 1, trial_steps
+      if (.not. before > 0) return
+      call evolution%jacobian_product(v, rate_start)
+      !$omp parallel do if (n > worth_threads) schedule(static) default(shared) private(i)
+      do i = 1, n
+        v(i) = v(i)/before
+        rate_start(i) = rate_start(i)/before
+        older(i) = v(i)
+        newer(i) = v(i) + first_place(stages)*step*rate_start(i)
+      end do
+      !$omp end parallel do
+      do j = 2, stages
+        call evolution%jacobian_product(newer, rate)
+        c = coefficients(j, stages)
+        !$omp parallel do if (n > worth_threads) schedule(static) default(shared) private(i)
+        do i = 1, n
+          latest(i) = c(1)*newer(i) + c(2)*older(i) + (1 - c(1) - c(2))*v(i) + &
+                      step*(c(3)*rate(i) + c(4)*rate_start(i))
+          older(i) = newer(i)
+          newer(i) = latest(i)
+        end do
+        !$omp end parallel do
+      end do
+      v = newer
+      before = root_mean_square(v)
+      ! Beyond that nothing but an unstable mode is left: stable ones of a usual cloud stay below
+      ! 100.
+      if (before > 1.0e4_wp) exit
+    end do
+    is_stable = before <= 1
+  end function is_stable
+
+  !> Where the first stage lies in a step, as a part of it
+  pure function first_place(stages) result(place)
+    integer, intent(in) :: stages
+    real(wp) :: place
+
+    place = 4/(3*(real(stages, wp)**2 + stages - 2))
+  end function first_place
+
+  !> μ, ν, μ̃ and γ̃ of a stage
+  pure function coefficients(j, stages) result(c)
+    integer, intent(in) :: j, stages
+    real(wp) :: c(4)
+
+    c(1) = (2*j - 1)*weight_b(j)/(j*weight_b(j - 1))
+    c(2) = -(j - 1)*weight_b(j)/(j*weight_b(j - 2))
+    c(3) = 3*first_place(stages)*c(1)
+    c(4) = -(1 - weight_b(j - 1))*c(3)
+  end function coefficients
 
   pure function estimates_error(this) result(answer)
     class(rkl2_t), intent(in) :: this
@@ -73,7 +190,7 @@ contains
     real(wp), intent(in) :: u(:)
     real(wp), intent(out) :: u_next(:)
     real(wp), intent(out) :: local_error
-    real(wp) :: w1, mu, nu, mu_rate, gamma_rate, b(3), c, place
+    real(wp) :: w1, c(4), third, place
     integer :: stages, j, k, older, newer
 
     if (.not. allocated(this%stage)) then
@@ -90,8 +207,8 @@ contains
     w1 = 4.0_wp/(real(stages, wp)**2 + stages - 2)
     older = 1
     newer = 2
-    place = w1/3
-    !$omp parallel do schedule(static) default(shared) private(k)
+    place = first_place(stages)
+    !$omp parallel do if (size(u) > worth_threads) schedule(static) default(shared) private(k)
     do k = 1, size(u)
       this%stage(k, older) = u(k)
       this%stage(k, newer) = u(k) + place*step*this%rate_start(k)
@@ -101,17 +218,13 @@ contains
 
     do j = 2, stages
       call evolution%rate(time + place*step, this%stage(:, newer), this%rate_stage)
-      b = [weight_b(j), weight_b(j - 1), weight_b(j - 2)]
-      mu = (2*j - 1)*b(1)/(j*b(2))
-      nu = -(j - 1)*b(1)/(j*b(3))
-      mu_rate = mu*w1*step
-      gamma_rate = -(1 - b(2))*mu_rate
-      !$omp parallel do schedule(static) default(shared) private(k)
+      c = coefficients(j, stages)
+      !$omp parallel do if (size(u) > worth_threads) schedule(static) default(shared) private(k)
       do k = 1, size(u)
         ! The stage before the last is no longer needed once it has entered here.
-        this%stage(k, older) = mu*this%stage(k, newer) + nu*this%stage(k, older) + &
-                               (1 - mu - nu)*u(k) + mu_rate*this%rate_stage(k) + &
-                               gamma_rate*this%rate_start(k)
+        this%stage(k, older) = c(1)*this%stage(k, newer) + c(2)*this%stage(k, older) + &
+                               (1 - c(1) - c(2))*u(k) + step*(c(3)*this%rate_stage(k) + &
+                                                              c(4)*this%rate_start(k))
       end do
       !$omp end parallel do
       place = (real(j, wp)**2 + j - 2)*w1/4
@@ -128,8 +241,8 @@ contains
     ! the sum.
     this%rate_stage = u - u_next + 0.5_wp*step*(this%rate_start + this%rate_end)
     call evolution%clear_prescribed(this%rate_stage)
-    c = third_coefficient(stages)
-    local_error = (1.0_wp/6 - c)/(1.0_wp/4 - c)*root_mean_square(this%rate_stage)
+    third = third_coefficient(stages)
+    local_error = (1.0_wp/6 - third)/(1.0_wp/4 - third)*root_mean_square(this%rate_stage)
   end subroutine advance
 
   subroutine accept(this)

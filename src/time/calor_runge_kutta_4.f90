@@ -1,6 +1,7 @@
 !> The classical Runge–Kutta method: fourth order, four evaluations a step, stable for real
 !> λ Δt ≥ -2.785.
 module calor_runge_kutta_4
+  use calor_constants, only: worth_threads
   use calor_evolution, only: evolution_t
   use calor_integrator, only: integrator_t
   use calor_kinds, only: wp
@@ -14,6 +15,7 @@ module calor_runge_kutta_4
     real(wp), allocatable :: stage(:), slope(:)
   contains
     procedure :: longest_stable_step
+    procedure :: longest_monotone_step
     procedure :: estimates_error
     procedure :: advance
   end type runge_kutta_4_t
@@ -30,6 +32,18 @@ contains
 
     step = real_stability_limit/spectral_radius
   end function longest_stable_step
+
+  pure function longest_monotone_step(this, fastest_decay) result(step)
+    class(runge_kutta_4_t), intent(in) :: this
+    real(wp), intent(in) :: fastest_decay
+    real(wp) :: step
+
+    ! 1 + z + z²/2 + z³/6 + z⁴/24 = 3/8 + (1 + z)/3 + (1 + z)²/4 + (1 + z)⁴/24: a mean of forward
+    ! Euler steps of the full length.
+    associate (unused => this)
+    end associate
+    step = 1/fastest_decay
+  end function longest_monotone_step
 
   pure function estimates_error(this) result(answer)
     class(runge_kutta_4_t), intent(in) :: this
@@ -58,7 +72,7 @@ contains
       call evolution%rate(time + node(j)*step, this%stage, this%slope)
       ! Where the next stage lies; after the fourth there is none and its result is not used
       next = node(min(j + 1, 4))*step
-      !$omp parallel do schedule(static) default(shared) private(k)
+      !$omp parallel do if (size(u) > worth_threads) schedule(static) default(shared) private(k)
       do k = 1, size(u)
         u_next(k) = u_next(k) + share(j)*step*this%slope(k)
         this%stage(k) = u(k) + next*this%slope(k)

@@ -1,6 +1,7 @@
 !> From one time to another: which steps are taken.
 module calor_stepper
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+  use calor_constants, only: worth_threads
   use calor_error, only: error_t, raise, status_bad_numbers
   use calor_evolution, only: evolution_t
   use calor_integrator, only: integrator_t
@@ -80,6 +81,7 @@ contains
     if (present(at_most)) last = this%steps + at_most
     do while (time < end_time .and. this%steps < last)
       step = min(this%proposed, this%longest_step)
+      call this%integrator%shorten_step(evolution, this%spectral_radius, step)
       ! Steps of equal length to the end, rather than a tiny last one
       step = (end_time - time)/max(1.0_wp, aint((end_time - time)/step + 0.9999_wp))
       if (.not. time + step > time) then
@@ -132,7 +134,7 @@ contains
     call evolution%inspect(time + step, this%u_next, error)
     if (allocated(error)) return
     call this%integrator%accept()
-    !$omp parallel do schedule(static) default(shared) private(k)
+    !$omp parallel do if (size(u) > worth_threads) schedule(static) default(shared) private(k)
     do k = 1, size(u)
       u(k) = this%u_next(k)
     end do
