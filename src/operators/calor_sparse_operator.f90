@@ -67,7 +67,8 @@ contains
     integer(i8) :: k
     integer :: row
 
-    !$omp parallel do if (size(this%target) > worth_threads) schedule(static) default(shared) private(row, k, total)
+    !$omp parallel do if (size(this%target) > worth_threads) schedule(static) default(shared) &
+    !$omp private(row, k, total)
     do row = 1, size(this%target)
       total = this%diagonal(row)*u(this%target(row))
       do k = this%first(row), this%first(row + 1) - 1
@@ -90,7 +91,8 @@ contains
     integer(i8) :: k
     integer :: row
 
-    !$omp parallel do if (size(this%target) > worth_threads) schedule(static) default(shared) private(row, k, total)
+    !$omp parallel do if (size(this%target) > worth_threads) schedule(static) default(shared) &
+    !$omp private(row, k, total)
     do row = 1, size(this%target)
       total = this%diagonal(row)*u(this%target(row))
       do k = this%first(row), this%first(row + 1) - 1

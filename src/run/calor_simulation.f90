@@ -485,7 +485,8 @@ contains
   !> are short at the start, while the field adapts to the operator, so that the first tells little.
   subroutine predict_steps(this)
     class(simulation_t), intent(inout) :: this
-    integer, parameter :: pilot_steps = 15
+    !> A pilot run of a larger cloud would take longer than its figure is worth
+    integer, parameter :: pilot_steps = 15, most_particles = 100000
     type(stepper_t) :: pilot
     real(wp), allocatable :: temperature(:)
     type(error_t), allocatable :: error
@@ -494,6 +495,8 @@ contains
     associate (end_time => this%scene%time%end)
       this%predicted_steps = end_time/this%stepper%longest_step
       if (.not. this%stepper%tolerance > 0) return
+      this%predicted_steps = 0
+      if (this%cloud%particles() > most_particles) return
       pilot = this%stepper
       temperature = this%temperature
       time = this%time

@@ -177,7 +177,8 @@ contains
     real(wp), intent(out) :: least, highest
     integer, parameter :: lworkl = 3*krylov_size**2 + 6*krylov_size
     real(wp), allocatable :: residual(:), basis(:, :), workd(:), vectors(:, :)
-    real(wp) :: workl(lworkl), workev(3*krylov_size), dr(most_wanted + 2), di(most_wanted + 2), tolerance
+    real(wp) :: workl(lworkl), workev(3*krylov_size), tolerance
+    real(wp) :: dr(most_wanted + 2), di(most_wanted + 2)
     logical :: chosen(krylov_size)
     integer :: iparam(11), ipntr(14), ido, info, wanted, n, k
 
