@@ -12,7 +12,7 @@
 SHELL := /bin/bash
 
 RELEASE_FLAGS := -O3 -march=native
-CHECKED_FLAGS := -Og -g -fcheck=all -finit-real=snan -ffpe-trap=invalid,zero,overflow \
+CHECKED_FLAGS := -Og -g -fcheck=all,no-array-temps -finit-real=snan -ffpe-trap=invalid,zero,overflow \
   -fsanitize=address,undefined -fno-sanitize-recover=undefined \
   -Wall -Wextra -Wimplicit-interface -Wno-maybe-uninitialized -Wno-compare-reals
 
@@ -51,7 +51,7 @@ examples: set-up ## the programs of example/, in build/examples
 
 test: build examples ## all tests; SUITE=text runs one suite, TEST="numbers as text" one test of it
 	@tools/drop_stale.sh
-	@$(FPM) test $(FPM_OPTIONS) -- $(SUITE) $(if $(TEST),"$(TEST)")
+	@$(FPM) test $(FPM_OPTIONS) -- $(if $(SUITE),"$(SUITE)") $(if $(TEST),"$(TEST)")
 
 # Leak detection needs ptrace, which many containers forbid.
 test-checked: ## all tests in a build with run-time checks and sanitizers (slow)

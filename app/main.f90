@@ -3,10 +3,12 @@
 !> not be read or written.
 program main
   use, intrinsic :: iso_fortran_env, only: output_unit, error_unit
-  use calor, only: error_t, text_t, to_text, suggestion, choice_t, choice_names, version, scene_t, &
-                   read_scene, simulation_t, operator_study_t, describe_plan, describe_result, &
-                   describe_derivatives, write_new_scene, contract_help, raise, status_done, &
-                   status_bad_input, skip_hdf5_cleanup, ignore_file_size_signal
+  use calor, only: error_t, raise, status_done, status_bad_input, text_t, text_list, to_text, &
+                   suggestion, choice_t, choice_names, version, scene_t, read_scene, simulation_t, &
+                   operator_study_t, describe_plan, describe_result, describe_derivatives, &
+                   write_new_scene, contract_help, contract_groups, kernel_choices, &
+                   laplacian_choices, gradient_choices, integrator_choices, arrangement_choices, &
+                   skip_hdf5_cleanup, ignore_file_size_signal
   use run_progress, only: run_progress_t
   implicit none (type, external)
 
@@ -73,8 +75,13 @@ contains
         end select
       end if
     case default
-      call raise(error, status_bad_input, 'There is no command '''//command//'''.'// &
-                 suggestion(command, choice_names(commands))//' See calor --help.')
+      if (index(command, '-') == 1) then
+        call raise(error, status_bad_input, 'There is no option '''//command//'''.'// &
+                   suggestion(command, text_list(['--help   ', '--version']))//' See calor --help.')
+      else
+        call raise(error, status_bad_input, 'There is no command '''//command//'''.'// &
+                   suggestion(command, choice_names(commands))//' See calor --help.')
+      end if
     end select
   end subroutine dispatch
 
@@ -107,6 +114,7 @@ contains
     if (allocated(error)) return
     call simulation%prepare(scene, error)
     if (allocated(error)) return
+    call simulation%predict_steps()
     call say_lines(describe_plan(simulation))
     call simulation%certify(error)
   end subroutine check
@@ -158,7 +166,7 @@ contains
       call say('  calor '//commands(k)%name(1:10)//place_holder(trim(commands(k)%name))//'   '// &
                trim(commands(k)%summary))
     end do
-    call say('  calor COMMAND --help     more about a command')
+    call say('  calor COMMAND --help    more about a command')
     call say('  calor --version')
     call say('')
     call say('A scene is a Fortran namelist file; ''calor new plate'' writes one to start from.')
@@ -172,22 +180,53 @@ contains
 
     do k = 1, size(commands)
       if (commands(k)%name == command) then
-        call say('calor '//command//' '//place_holder(command)//': '//trim(commands(k)%summary))
+        call say('calor '//command//' '//trim(place_holder(command))//': '// &
+                 trim(commands(k)%summary))
       end if
     end do
     call say('')
     select case (command)
     case ('run', 'check')
       call say('SCENE is a namelist file of these groups and keys:')
-      call say(contract_help(''))
+      call show_groups(contract_groups())
+      call show_choices('&domain arrangement', arrangement_choices)
+      call show_choices('&kernel name', kernel_choices)
+      call show_choices('&scheme laplacian', laplacian_choices)
+      call show_choices('&time method', integrator_choices)
     case ('operators')
-      call say('SCENE is a namelist file with the groups &domain, &kernel and:')
-      call say(contract_help('operators'))
+      call say('SCENE is a namelist file with these groups and keys:')
+      call show_groups(text_list([character(len=9) :: 'operators', 'domain', 'kernel']))
+      call show_choices('&kernel name', kernel_choices)
+      call show_choices('&operators gradients', gradient_choices)
+      call show_choices('&operators laplacians', laplacian_choices)
     case default
       call say('Writes NAME.nml, a small plate with every key explained. An existing file is left')
       call say('alone.')
     end select
   end subroutine show_command_help
+
+  subroutine show_groups(groups)
+    type(text_t), intent(in) :: groups(:)
+    integer :: k
+
+    do k = 1, size(groups)
+      call say('')
+      call say(contract_help(groups(k)%value))
+    end do
+  end subroutine show_groups
+
+  !> What may be given for a key.
+  subroutine show_choices(key, choices)
+    character(len=*), intent(in) :: key
+    type(choice_t), intent(in) :: choices(:)
+    integer :: k
+
+    call say('')
+    call say(key//':')
+    do k = 1, size(choices)
+      call say('  '//choices(k)%name(1:26)//trim(choices(k)%summary))
+    end do
+  end subroutine show_choices
 
   pure function place_holder(command) result(word)
     character(len=*), intent(in) :: command

@@ -31,8 +31,8 @@ module calor
   use calor_renormalization, only: gradient_tensor, laplacian_tensor
   use calor_row_report, only: row_report_t
   use calor_scene, only: scene_t
-  use calor_scene_contract, only: contract_help
-  use calor_scene_reader, only: read_scene
+  use calor_scene_contract, only: contract_help, contract_groups
+  use calor_scene_reader, only: read_scene, interpret_scene
   use calor_simulation, only: simulation_t, observer_t
   use calor_space_filling_curve, only: hilbert_order
   use calor_sparse_operator, only: sparse_operator_t
@@ -41,7 +41,7 @@ module calor
                                positive_stencil, inexact_stencil, no_stencil
   use calor_stencil, only: stencil_t
   use calor_stepper, only: stepper_t
-  use calor_text, only: text_t, to_text, suggestion
+  use calor_text, only: text_t, text_list, to_text, suggestion
   use calor_version, only: version
   use calor_volume, only: volumes_from_kernel
   implicit none (type, external)

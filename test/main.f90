@@ -16,6 +16,8 @@ program main
   use test_heat, only: collect_heat
   use test_operators, only: collect_operators
   use test_clouds, only: collect_clouds
+  use test_command_line, only: collect_command_line
+  use test_examples, only: collect_examples
   use test_kernels, only: collect_kernels
   use test_neighbour_list, only: collect_neighbour_list
   use test_random, only: collect_random
@@ -44,7 +46,9 @@ program main
            new_testsuite('neighbour list', collect_neighbour_list), &
            new_testsuite('random', collect_random), &
            new_testsuite('clouds', collect_clouds), &
-           new_testsuite('documents', collect_documents) &
+           new_testsuite('documents', collect_documents), &
+           new_testsuite('examples', collect_examples), &
+           new_testsuite('command line', collect_command_line) &
            ]
 
   ! The tests read damaged files, and put theirs into a folder of the build.

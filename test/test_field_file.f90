@@ -457,8 +457,8 @@ contains
     open (newunit=unit, file=folder//'a file', status='replace', action='write')
     close (unit)
     call check_place(error, folder//'nowhere/field.vtkhdf', &
-                     'the folder '''//folder//'nowhere'' does not exist: create it or change '// &
-                     '&output file')
+                     'the folder '''//folder//'nowhere'' does not exist: create it or '// &
+                     'name another file')
     if (allocated(error)) return
     call check_place(error, folder//'a file/field.vtkhdf', ''''//folder//'a file'' is not a folder')
     if (allocated(error)) return

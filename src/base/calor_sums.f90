@@ -22,7 +22,7 @@ contains
 
     blocks = (size(a) + block_length - 1)/block_length
     allocate (partial(blocks))
-    !$omp parallel do schedule(static) default(shared) private(block, from, to)
+    !$omp parallel do if (blocks > 1) schedule(static) default(shared) private(block, from, to)
     do block = 1, blocks
       from = (block - 1)*block_length + 1
       to = min(block*block_length, size(a))

@@ -13,7 +13,7 @@ module calor_scene_contract
   implicit none (type, external)
   private
 
-  public :: check_against_contract, contract_help, contract_default
+  public :: check_against_contract, contract_help, contract_default, contract_groups
 
   !> Types of keys
   integer, parameter :: number = 1, numbers = 2, whole = 3, yes_no = 4, text = 5, texts = 6, &
@@ -59,7 +59,7 @@ module calor_scene_contract
     character(len=12) :: group
     !> The key
     character(len=16) :: key
-    !> The values that this version can act upon
+    !> The values that this version can act upon; '' leaves them to whoever reads the key
     character(len=40) :: available
     !> The other values of the format
     character(len=40) :: later
@@ -106,14 +106,14 @@ module calor_scene_contract
       key_rule_t('scheme', 'allow_inexact_rows', yes_no, now, '.false.', 'run with stable rows'// &
                  ' that are not exact'), &
       key_rule_t('scheme', 'allow_unstable', yes_no, now, '.false.', 'run an unstable scheme'), &
-      key_rule_t('material', 'conductivity', number, now, '', 'conductivity, W/(m K)'), &
+      key_rule_t('material', 'conductivity', number, now, '1', 'conductivity, W/(m K)'), &
       key_rule_t('material', 'conductivity_expression', expression, later, '', 'the same'), &
-      key_rule_t('material', 'density', number, now, '', 'density, kg/m3'), &
+      key_rule_t('material', 'density', number, now, '1', 'density, kg/m3'), &
       key_rule_t('material', 'density_expression', expression, later, '', 'the same'), &
-      key_rule_t('material', 'heat_capacity', number, now, '', 'heat capacity, J/(kg K)'), &
+      key_rule_t('material', 'heat_capacity', number, now, '1', 'heat capacity, J/(kg K)'), &
       key_rule_t('material', 'heat_capacity_expression', expression, later, '', 'the same'), &
       key_rule_t('material', 'where_expression', expression, later, '', 'where it is not 0'), &
-      key_rule_t('initial', 'temperature', number, now, '', 'temperature, K'), &
+      key_rule_t('initial', 'temperature', number, now, '0', 'temperature, K'), &
       key_rule_t('initial', 'temperature_expression', expression, now, '', 'the same'), &
       key_rule_t('boundary', 'on', text, now, '''all''', 'which part of the boundary'), &
       key_rule_t('boundary', 'kind', text, now, '''temperature''', 'what is given there'), &
@@ -160,7 +160,10 @@ module calor_scene_contract
 
   type(value_rule_t), parameter :: value_rules(*) = [ &
       value_rule_t('time', 'steady', '.false.', '.true.'), &
-      value_rule_t('boundary', 'kind', 'temperature', 'flux convection radiation insulated')]
+      value_rule_t('boundary', 'kind', 'temperature', 'flux convection radiation insulated'), &
+      value_rule_t('domain', 'shape', '', 'disc annulus polygon'), &
+      value_rule_t('scheme', 'laplacian', '', 'consistent'), &
+      value_rule_t('operators', 'laplacians', '', 'consistent')]
 
   character(len=*), parameter :: companion = '_expression'
 
@@ -256,8 +259,8 @@ contains
       rule = find_group_rule(group%name)
       if (rule == 0) then
         call raise_at(error, group, '', 'there is no such group.'// &
-                      suggestion(group%name, group_names())//new_line('a')// &
-                      'There are: '//join(group_names(), ', ')//'.')
+                      suggestion(group%name, contract_groups())//new_line('a')// &
+                      'There are: '//join(contract_groups(), ', ')//'.')
         return
       end if
       if (.not. group_rules(rule)%available) then
@@ -357,6 +360,10 @@ contains
 
     do k = 1, size(value_rules)
       if (value_rules(k)%group /= group%name .or. value_rules(k)%key /= key) cycle
+      if (value_rules(k)%available == '') then
+        call refuse_later(group, key, value_rules(k)%later, error)
+        return
+      end if
       call get(group, key, truth, not_logical)
       if (allocated(not_logical)) then
         value = group%entries(group%find(key))%values(1)%text
@@ -378,6 +385,27 @@ contains
       return
     end do
   end subroutine check_value
+
+  !> Refuse values of the format that this version cannot act upon yet, and no others.
+  subroutine refuse_later(group, key, later, error)
+    type(group_t), intent(in) :: group
+    character(len=*), intent(in) :: key
+    !> Those values
+    character(len=*), intent(in) :: later
+    type(error_t), allocatable, intent(out) :: error
+    type(text_t), allocatable :: values(:)
+    integer :: k
+
+    call split(later, values)
+    associate (given => group%entries(group%find(key))%values)
+      do k = 1, size(given)
+        if (.not. is_among(lower_case(given(k)%text), values)) cycle
+        call raise_at(error, group, key, ''''//given(k)%text//''' is part of the scene format, '// &
+                      'but this version of calor does not have it yet; take another.')
+        return
+      end do
+    end associate
+  end subroutine refuse_later
 
   !> The words of a line.
   pure subroutine split(line, words)
@@ -443,7 +471,7 @@ contains
   end function find_key_rule
 
   !> The groups that this version can act upon.
-  pure function group_names() result(names)
+  pure function contract_groups() result(names)
     type(text_t), allocatable :: names(:)
     integer :: k, count
 
@@ -454,7 +482,7 @@ contains
       count = count + 1
       names(count)%value = trim(group_rules(k)%name)
     end do
-  end function group_names
+  end function contract_groups
 
   !> The keys of a group that this version can act upon.
   pure function key_names(group) result(names)

@@ -1,5 +1,6 @@
 !> The sparse operator that every derivative scheme becomes.
 module calor_sparse_operator
+  use calor_constants, only: worth_threads
   use calor_kinds, only: wp, ip, i8
   use calor_neighbour_list, only: neighbour_list_t
   implicit none (type, external)
@@ -66,7 +67,8 @@ contains
     integer(i8) :: k
     integer :: row
 
-    !$omp parallel do schedule(static) default(shared) private(row, k, total)
+    !$omp parallel do if (size(this%target) > worth_threads) schedule(static) default(shared) &
+    !$omp private(row, k, total)
     do row = 1, size(this%target)
       total = this%diagonal(row)*u(this%target(row))
       do k = this%first(row), this%first(row + 1) - 1
@@ -89,7 +91,8 @@ contains
     integer(i8) :: k
     integer :: row
 
-    !$omp parallel do schedule(static) default(shared) private(row, k, total)
+    !$omp parallel do if (size(this%target) > worth_threads) schedule(static) default(shared) &
+    !$omp private(row, k, total)
     do row = 1, size(this%target)
       total = this%diagonal(row)*u(this%target(row))
       do k = this%first(row), this%first(row + 1) - 1

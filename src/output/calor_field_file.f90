@@ -49,7 +49,7 @@ module calor_field_file
   implicit none (type, external)
   private
 
-  public :: field_file_t
+  public :: field_file_t, check_place
 
   !> The tables of group `Steps` with one whole number a step, all zero but `NumberOfParts`
   character(len=*), parameter :: step_tables(*) = [character(len=21) :: &
@@ -533,13 +533,15 @@ contains
 
   !> Check that a file can be made at `path`, before anything is touched.
   subroutine check_place(path, error)
+    !> The name of the file
     character(len=*), intent(in) :: path
+    !> Why no file can be written there
     type(error_t), allocatable, intent(out) :: error
     character(len=:), allocatable :: folder, reason
     integer :: what
 
     if (path == '') then
-      call raise(error, status_bad_file, 'The output file has no name: give one in &output file.')
+      call raise(error, status_bad_file, 'The output file has no name: give one as &output file.')
       return
     end if
     folder = parent_folder(path)
@@ -550,20 +552,20 @@ contains
       if (reason /= '') then
         call raise(error, status_bad_file, 'The output file '''//path// &
                    ''' cannot be written into the folder '''//folder//''' ('//reason// &
-                   '): change the folder''s permissions or &output file.')
+                   '): change the folder''s permissions or name another file.')
       end if
     case (path_missing)
       call raise(error, status_bad_file, 'The output file '''//path// &
                  ''' cannot be written: the folder '''//folder// &
-                 ''' does not exist: create it or change &output file.')
+                 ''' does not exist: create it or name another file.')
     case (path_unreachable)
       call raise(error, status_bad_file, 'The output file '''//path// &
                  ''' cannot be written: the folder '''//folder//''' cannot be reached ('// &
-                 reason//'): change &output file.')
+                 reason//'): name another file.')
     case default
       call raise(error, status_bad_file, 'The output file '''//path// &
                  ''' cannot be written: '''//folder// &
-                 ''' is not a folder: change &output file.')
+                 ''' is not a folder: name another file.')
     end select
     if (allocated(error)) return
 
@@ -576,17 +578,17 @@ contains
       if (reason /= '') then
         call raise(error, status_bad_file, 'The output file '''//path// &
                    ''' exists and may not be replaced ('//reason// &
-                   '): change its permissions or &output file.')
+                   '): change its permissions or name another file.')
       end if
     case (path_folder)
       call raise(error, status_bad_file, 'The output file '''//path// &
-                 ''' cannot be written: there is a folder of that name: change &output file.')
+                 ''' cannot be written: there is a folder of that name: name another file.')
     case (path_unreachable)
       call raise(error, status_bad_file, 'The output file '''//path// &
-                 ''' cannot be written ('//reason//'): change &output file.')
+                 ''' cannot be written ('//reason//'): name another file.')
     case default
       call raise(error, status_bad_file, 'The output file '''//path// &
-                 ''' cannot be written: what is there is not a regular file: change &output file.')
+                 ''' cannot be written: what is there is not a regular file: name another file.')
     end select
   end subroutine check_place
 

@@ -1,5 +1,7 @@
 !> Heat conduction in a body of constant material: u_t = κ/(ρc) ∇²u, held temperatures on walls.
 module calor_conduction
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+  use calor_constants, only: worth_threads
   use calor_error, only: error_t, raise, status_bad_numbers
   use calor_evolution, only: evolution_t
   use calor_kinds, only: wp
@@ -118,7 +120,8 @@ contains
     rounding = 1.0e-6_wp*max(abs(low), abs(high))
     worst = 0
     finite = .true.
-    !$omp parallel do schedule(static) default(shared) private(k) reduction(max:worst) &
+    !$omp parallel do if (size(u) > worth_threads) schedule(static) default(shared) private(k) &
+    !$omp reduction(max:worst) &
     !$omp reduction(.and.:finite)
     do k = 1, size(u)
       if (abs(u(k)) <= huge(1.0_wp)) then
@@ -198,6 +201,8 @@ contains
     real(wp), intent(in) :: temperature(:)
 
     if (size(temperature) == 0) return
+    ! An expression without a value: the stepper notices what comes of it
+    if (.not. all(ieee_is_finite(temperature))) return
     this%lowest = min(this%lowest, minval(temperature))
     this%highest = max(this%highest, maxval(temperature))
   end subroutine note_range

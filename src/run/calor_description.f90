@@ -4,6 +4,7 @@ module calor_description
   use calor_integrators, only: integrator_choices
   use calor_kinds, only: wp, i8
   use calor_laplacian_schemes, only: laplacian_choices
+  use calor_memory_need, only: memory_need, size_text
   use calor_simulation, only: simulation_t
   use calor_stable_rows, only: as_written, support_grown, positive_stencil, inexact_stencil, &
                                no_stencil
@@ -43,7 +44,8 @@ contains
              simulation%scene%time%method//': '// &
              summary(integrator_choices, simulation%scene%time%method))
     call add(lines, 'Steps', steps(simulation))
-    call add(lines, 'Memory', 'about '//size_text(memory(simulation)))
+    call add(lines, 'Memory', 'about '//size_text(memory_need( &
+             real(simulation%cloud%particles(), wp), simulation%mean_neighbours)))
     call add(lines, 'Output', output(simulation))
   end function describe_plan
 
@@ -150,33 +152,45 @@ contains
     character(len=:), allocatable :: text
 
     associate (report => simulation%report)
-      text = 'condition number at most '//to_text(maxval(report%condition_gradient), digits=2)
+      text = 'condition number at most '//condition_text(report%condition_gradient)
       if (any(report%condition_laplacian > 0)) then
         text = text//' (first derivative) and '// &
-               to_text(maxval(report%condition_laplacian), digits=2)//' (second)'
+               condition_text(report%condition_laplacian)//' (second)'
       end if
       text = text//'; singular at '//to_text(report%singular_rows())//' particles'
     end associate
   end function tensors
+
+  !> The largest condition number
+  pure function condition_text(conditions) result(text)
+    real(wp), intent(in) :: conditions(:)
+    character(len=:), allocatable :: text
+
+    text = 'infinite'
+    if (maxval(conditions) < 1.0e18_wp) text = to_text(maxval(conditions), digits=2)
+  end function condition_text
 
   function rows(simulation) result(text)
     type(simulation_t), intent(in) :: simulation
     character(len=:), allocatable :: text
 
     associate (quality => simulation%repairs%quality)
-      text = 'quality (1: no negative weight) '//spread_text(quality%ratio)//'; '// &
-             to_text(count(quality%ratio > 1.0e300_wp))//' with a diagonal of the wrong sign; '// &
-             'neighbours with a weight '//spread_text(real(quality%neighbours, wp))
+      text = 'quality '//spread_text(quality%ratio)//' (1: no negative weight); '// &
+             spread_text(real(quality%neighbours, wp))//' neighbours with a weight'
+      if (any(quality%ratio > 1.0e300_wp)) then
+        text = text//'; '//to_text(count(quality%ratio > 1.0e300_wp))// &
+               ' with a diagonal of the wrong sign'
+      end if
     end associate
   end function rows
 
-  !> 'least / median / largest'
+  !> 'least to largest, median middle'
   function spread_text(values) result(text)
     real(wp), intent(in) :: values(:)
     character(len=:), allocatable :: text
 
-    text = to_text(minval(values), digits=3)//' / '//to_text(median(values), digits=3)//' / '// &
-           to_text(maxval(values), digits=3)
+    text = to_text(minval(values), digits=3)//' to '//to_text(maxval(values), digits=3)// &
+           ', median '//to_text(median(values), digits=3)
   end function spread_text
 
   !> The median by bisection of the range of values: no sorting, for it is only told.
@@ -255,11 +269,13 @@ contains
         step = stepper%first_proposal()
         text = 'first step '//to_text(step, digits=2)// &
                ' s, then as long as the error of a step stays below '// &
-               to_text(stepper%tolerance, digits=2)//': at most about '// &
-               to_text(ceiling(simulation%scene%time%end/step, i8))//' steps'
+               to_text(stepper%tolerance, digits=2)
+        if (simulation%predicted_steps > 0) then
+          text = text//': about '//count_text(simulation%predicted_steps)//' steps'
+        end if
       else
-        text = to_text(ceiling(simulation%scene%time%end/stepper%longest_step, i8))// &
-               ' steps of at most '//to_text(stepper%longest_step, digits=3)//' s'
+        text = count_text(simulation%scene%time%end/stepper%longest_step)// &
+               ' of at most '//to_text(stepper%longest_step, digits=3)//' s'
       end if
       text = text//'; stable up to '//to_text(simulation%stability_limit, digits=3)// &
              ' s (forward Euler: '//to_text(2/radius, digits=3)//' s)'
@@ -270,21 +286,23 @@ contains
     end associate
   end function steps
 
-  !> Bytes of all large arrays while stepping
-  pure function memory(simulation) result(bytes)
-    type(simulation_t), intent(in) :: simulation
-    integer(i8) :: bytes
-    integer(i8) :: n
+  !> A number of steps or states, which may be beyond all integers
+  pure function count_text(number) result(text)
+    real(wp), intent(in) :: number
+    character(len=:), allocatable :: text
 
-    n = simulation%cloud%particles()
-    ! Neighbour: index 4 bytes, weight 8. Particle: cloud 32, operator 20, state and stages 64.
-    bytes = 12_i8*size(simulation%conduction%laplacian%index, kind=i8) + 116*n
-  end function memory
+    if (number < 1.0e15_wp) then
+      text = to_text(ceiling(number, i8))
+    else
+      text = to_text(number, digits=2)
+    end if
+  end function count_text
 
   function output(simulation) result(text)
     type(simulation_t), intent(in) :: simulation
     character(len=:), allocatable :: text
-    integer(i8) :: states, n
+    real(wp) :: states
+    integer :: n
 
     associate (out => simulation%scene%output)
       if (out%file == '') then
@@ -293,24 +311,11 @@ contains
       end if
       n = simulation%cloud%particles()
       states = 2
-      if (out%every > 0) states = 1 + max(1_i8, ceiling(simulation%scene%time%end/out%every, i8))
+      if (out%every > 0) states = 1 + max(1, ceiling(simulation%scene%time%end/out%every))
       ! A particle's place, cell and static fields take 57 bytes, a field of a state 8.
-      text = out%file//': '//join(out%fields, ', ')//' at '//to_text(states)//' times, about '// &
-             size_text(57*n + 8*n*states*size(out%fields))
+      text = out%file//': '//join(out%fields, ', ')//' at '//count_text(states)//' times, '// &
+             'about '//size_text(57.0_wp*n + 8.0_wp*n*states*size(out%fields))
     end associate
   end function output
-
-  pure function size_text(bytes) result(text)
-    integer(i8), intent(in) :: bytes
-    character(len=:), allocatable :: text
-
-    if (bytes < 10_i8**6) then
-      text = to_text(max(1.0_wp, bytes/1.0e3_wp), digits=2)//' kB'
-    else if (bytes < 10_i8**9) then
-      text = to_text(bytes/1.0e6_wp, digits=3)//' MB'
-    else
-      text = to_text(bytes/1.0e9_wp, digits=3)//' GB'
-    end if
-  end function size_text
 
 end module calor_description

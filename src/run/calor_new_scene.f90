@@ -55,7 +55,7 @@ contains
     character(len=*), intent(in) :: name
     !> The file written
     character(len=:), allocatable, intent(out) :: path
-    !> There is such a file already, or it cannot be written
+    !> The name is empty, there is such a file already, or it cannot be written
     type(error_t), allocatable, intent(out) :: error
     character(len=:), allocatable :: stem
     character(len=200) :: reason
@@ -67,23 +67,41 @@ contains
       if (name(len(name) - 3:) == '.nml') stem = name(:len(name) - 4)
     end if
     path = stem//'.nml'
+    stem = stem(index(stem, '/', back=.true.) + 1:)
+    if (stem == '') then
+      call raise(error, status_bad_input, 'A scene needs a name, as in ''calor new a'', but '''// &
+                 name//''' has none.')
+      return
+    end if
     inquire (file=path, exist=exists)
     if (exists) then
       call raise(error, status_bad_input, 'The file '//path// &
                  ' is there already: choose another name, or move it away.')
       return
     end if
-    stem = stem(index(stem, '/', back=.true.) + 1:)
     reason = ''
     open (newunit=unit, file=path, status='new', action='write', iostat=status, iomsg=reason)
     do k = 1, size(template)
       if (status /= 0) exit
-      write (unit, '(a)', iostat=status, iomsg=reason) filled(template(k), stem)
+      write (unit, '(a)', iostat=status, iomsg=reason) filled(template(k), in_quotes(stem))
     end do
     if (status == 0) close (unit, iostat=status, iomsg=reason)
     if (status == 0) return
     call raise(error, status_bad_file, 'The file '//path//' cannot be written: '//trim(reason))
   end subroutine write_new_scene
+
+  !> A word as it stands between quotes: each quote in it twice.
+  pure function in_quotes(word) result(text)
+    character(len=*), intent(in) :: word
+    character(len=:), allocatable :: text
+    integer :: k
+
+    text = ''
+    do k = 1, len(word)
+      text = text//word(k:k)
+      if (word(k:k) == '''') text = text//''''
+    end do
+  end function in_quotes
 
   !> A line with @ replaced by a word.
   pure function filled(line, word) result(text)

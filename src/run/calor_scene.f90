@@ -22,6 +22,8 @@ module calor_scene
     !> Displacement of particles in units of the spacing, and the seed of its random numbers
     real(wp) :: jitter = 0.0_wp
     integer :: seed = 1
+    !> Where the scene file says so
+    character(len=:), allocatable :: place
   end type domain_t
 
   !> What the body consists of
@@ -53,6 +55,8 @@ module calor_scene
     character(len=:), allocatable :: method
     !> Error that one step may make, as a fraction of the range of given temperatures; 0: not given
     real(wp) :: tolerance = 0.0_wp
+    !> Where the scene file says so
+    character(len=:), allocatable :: place
   end type time_t
 
   !> What is written
@@ -61,6 +65,8 @@ module calor_scene
     character(len=:), allocatable :: file
     !> Time between written states, s; 0: only the first and the last
     real(wp) :: every = 0.0_wp
+    !> Where the scene file says so
+    character(len=:), allocatable :: place
     !> Names of the fields
     type(text_t), allocatable :: fields(:)
   end type output_t
@@ -75,6 +81,8 @@ module calor_scene
     character(len=:), allocatable :: exact_gradient_x, exact_gradient_y, exact_laplacian
     !> Path of the file; '': nothing is written
     character(len=:), allocatable :: file
+    !> Where the scene file says so
+    character(len=:), allocatable :: place
   end type operators_t
 
   !> A scene
@@ -88,6 +96,8 @@ module calor_scene
     !> Name of the smoothing kernel, and its support radius in units of the spacing
     character(len=:), allocatable :: kernel
     real(wp) :: support = 2.1_wp
+    !> Where the scene file gives the support
+    character(len=:), allocatable :: support_place
     !> Names of the derivative schemes
     character(len=:), allocatable :: laplacian, gradient
     !> Whether poor rows are repaired

@@ -7,13 +7,16 @@ module calor_scene_cloud
   use calor_error, only: error_t, raise, status_bad_input
   use calor_kernel, only: kernel_t
   use calor_kinds, only: wp, ip
+  use calor_memory_need, only: check_memory
+  use calor_neighbour_list, only: neighbour_list_t
   use calor_scene, only: scene_t
   use calor_space_filling_curve, only: hilbert_order
+  use calor_text, only: to_text
   use calor_volume, only: volumes_from_kernel
   implicit none (type, external)
   private
 
-  public :: make_scene_cloud
+  public :: make_scene_cloud, require_neighbours, beside_scene
 
 contains
 
@@ -39,21 +42,66 @@ contains
         if (allocated(error)) return
         call set_spacing(domain%spacing, has_volume, cloud, error)
         if (allocated(error)) return
+        call check_memory(real(cloud%particles(), wp), scene%support, domain%place, error)
+        if (allocated(error)) return
         if (.not. has_volume) then
           call volumes_from_kernel(cloud, kernel, scene%support*cloud%spacing)
         end if
       case default
+        call check_memory(rectangle_particles(domain%x_range, domain%y_range, domain%spacing), &
+                          scene%support, domain%place, error)
+        if (allocated(error)) return
         call make_rectangle(domain%x_range, domain%y_range, domain%spacing, domain%arrangement, &
                             domain%jitter, domain%seed, cloud, error)
-        if (allocated(error)) return
       end select
+      if (.not. allocated(error)) call check_cloud(cloud, error)
+      if (allocated(error)) then
+        error%message = domain%place//': '//error%message
+        return
+      end if
     end associate
-    call check_cloud(cloud, error)
-    if (allocated(error)) return
     allocate (order(cloud%particles()))
     call hilbert_order(cloud%x, cloud%y, order)
     call cloud%reorder(order)
   end subroutine make_scene_cloud
+
+  !> Every row of a neighbour list must have at least one neighbour.
+  subroutine require_neighbours(scene, cloud, list, error)
+    !> The scene
+    type(scene_t), intent(in) :: scene
+    !> Its cloud
+    type(cloud_t), intent(in) :: cloud
+    !> Neighbours within the support radius
+    type(neighbour_list_t), intent(in) :: list
+    !> A particle has none
+    type(error_t), allocatable, intent(out) :: error
+    integer :: row
+
+    do row = 1, list%rows()
+      if (list%first(row + 1) > list%first(row)) cycle
+      associate (particle => list%target(row))
+        call raise(error, status_bad_input, scene%support_place//': particle '// &
+                   to_text(cloud%user_index(particle))//' at ('// &
+                   to_text(cloud%x(particle), digits=6)//', '// &
+                   to_text(cloud%y(particle), digits=6)//') has no neighbour within the '// &
+                   'support radius of '//to_text(scene%support*cloud%spacing, digits=4)//' m: '// &
+                   'raise &kernel support, which is '//to_text(scene%support)//'.')
+      end associate
+      return
+    end do
+  end subroutine require_neighbours
+
+  !> About how many particles fill a rectangle
+  pure function rectangle_particles(x_range, y_range, spacing) result(number)
+    real(wp), intent(in) :: x_range(2), y_range(2), spacing
+    real(wp) :: number
+    !> No machine has memory for so many, and products of what is more could overflow
+    real(wp), parameter :: most = 1.0e18_wp
+
+    number = most
+    if (spacing*most < max(x_range(2) - x_range(1), y_range(2) - y_range(1))) return
+    number = ((x_range(2) - x_range(1))/spacing + 1)*((y_range(2) - y_range(1))/spacing + 1)
+  end function rectangle_particles
 
   !> A user's cloud: the spacing given, or the root of the mean particle volume.
   subroutine set_spacing(given, has_volume, cloud, error)

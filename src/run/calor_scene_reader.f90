@@ -43,6 +43,9 @@ module calor_scene_reader
       choice_t('condition_laplacian', 'condition number of the system for B-hat') &
       ]
 
+  !> A kernel that smooths over more spacings is a slip of the pen
+  real(wp), parameter :: widest_support = 100.0_wp
+
 contains
 
   !> Read a scene file.
@@ -122,6 +125,7 @@ contains
 
     call file%group('domain', group)
     associate (domain => scene%domain)
+      domain%place = place_of(group, '')
       call get_choice(group, 'shape', shape_choices, domain%shape, error, default='rectangle')
       if (allocated(error)) return
       domain%arrangement = 'lattice'
@@ -189,8 +193,10 @@ contains
     call file%group('kernel', group)
     call get_choice(group, 'name', kernel_choices, scene%kernel, error, default='wendland_c2')
     if (allocated(error)) return
-    call get(group, 'support', scene%support, error, default=2.1_wp, positive=.true.)
+    call get(group, 'support', scene%support, error, default=2.1_wp, positive=.true., &
+             maximum=widest_support)
     if (allocated(error)) return
+    scene%support_place = place_of(group, 'support')
     call file%group('scheme', group)
     call get_choice(group, 'laplacian', laplacian_choices, scene%laplacian, error, &
                     default='fatehi_manzari')
@@ -262,6 +268,7 @@ contains
     call file%group('time', group)
     associate (time => scene%time)
       time%method = 'auto'
+      time%place = place_of(group, '')
       ! A scene for `calor operators` needs no time; a run without it is refused later.
       if (file%count('time') == 0) return
       call get(group, 'end', time%end, error, positive=.true.)
@@ -291,6 +298,7 @@ contains
     call file%group('output', group)
     associate (output => scene%output)
       output%file = ''
+      output%place = place_of(group, 'file')
       if (file%count('output') == 0) return
       call get(group, 'file', output%file, error, not_blank=.true.)
       if (allocated(error)) return
@@ -318,6 +326,8 @@ contains
     call file%group('operators', group)
     associate (asked => scene%operators)
       asked%field_expression = ''
+      asked%file = ''
+      asked%place = place_of(group, 'file')
       if (file%count('operators') == 0) return
       call required_expression(group, 'field_expression', asked%field_expression, error)
       if (allocated(error)) return

@@ -17,8 +17,8 @@ module calor_simulation
   use calor_row_quality, only: measure_rows
   use calor_row_report, only: row_report_t
   use calor_scene, only: scene_t
-  use calor_scene_cloud, only: make_scene_cloud
-  use calor_simulation_file, only: simulation_file_t
+  use calor_scene_cloud, only: make_scene_cloud, require_neighbours
+  use calor_simulation_file, only: simulation_file_t, check_target
   use calor_spectral_radius, only: estimate_spectral_radius
   use calor_stable_rows, only: assemble_stable_rows, row_repairs_t, as_written, inexact_stencil
   use calor_stepper, only: stepper_t
@@ -31,6 +31,8 @@ module calor_simulation
 
   !> Explicit methods without error control step at this part of their stability limit
   real(wp), parameter :: safe_part = 0.9_wp
+  !> What would take more steps of forward Euler is out of reach of every method
+  real(wp), parameter :: most_euler_steps = 1.0e15_wp
   !> Error of one step, as a part of the range of given temperatures, where the scene gives none
   real(wp), parameter :: default_tolerance = 1.0e-6_wp
 
@@ -59,6 +61,8 @@ module calor_simulation
     type(stepper_t) :: stepper
     !> The longest step for which the chosen method is stable, s
     real(wp) :: stability_limit = 0.0_wp
+    !> About how many steps a run will take; 0: not predicted
+    real(wp) :: predicted_steps = 0.0_wp
     !> The longest step after which no temperature can lie outside the range of those before, s; 0:
     !> scheme and method give no such promise
     real(wp) :: monotone_limit = 0.0_wp
@@ -76,6 +80,8 @@ module calor_simulation
     procedure :: run
     !> Step to a time
     procedure :: advance_to
+    !> Find out about how many steps a run will take, from its first ones
+    procedure :: predict_steps
     !> Whether the rows and their spectrum allow a run
     procedure :: certify
     !> Whether the scene gives the true temperature
@@ -127,6 +133,14 @@ contains
       return
     end if
     this%scene = scene
+    call check_target(scene%output%file, scene%output%place, scene, error)
+    if (allocated(error)) return
+    if (scene%output%every*huge(1) < scene%time%end .and. scene%output%every > 0) then
+      call raise(error, status_bad_input, scene%output%place//': every = '// &
+                 to_text(scene%output%every)//' s asks for more states than can be counted: '// &
+                 'raise it.')
+      return
+    end if
     call this%stopwatch%start('cloud')
     call make_kernel(scene%kernel, kernel, error)
     if (allocated(error)) return
@@ -272,7 +286,7 @@ contains
                          this%scene%boundaries(k)%place, k, holder, error)
       if (allocated(error)) return
     end do
-    call check_walls(this%cloud, holder, error)
+    call check_walls(this%scene%path, this%cloud, holder, error)
     if (allocated(error)) return
     allocate (this%conduction%prescribed(size(this%scene%boundaries)))
     do k = 1, size(this%scene%boundaries)
@@ -323,7 +337,9 @@ contains
   end subroutine mark_boundary
 
   !> Every wall particle must be held, and some particle must not be.
-  subroutine check_walls(cloud, holder, error)
+  subroutine check_walls(path, cloud, holder, error)
+    !> The scene
+    character(len=*), intent(in) :: path
     type(cloud_t), intent(in) :: cloud
     integer, intent(in) :: holder(:)
     type(error_t), allocatable, intent(out) :: error
@@ -331,13 +347,13 @@ contains
     integer :: bit
 
     if (all(cloud%side == 0)) then
-      call raise(error, status_bad_input, 'No particle of the cloud is marked as a wall, so no '// &
-                 'temperature can be held: give its file a column ''wall'' with 1 for the '// &
-                 'particles on the boundary.')
+      call raise(error, status_bad_input, path//': no particle of the cloud is marked as '// &
+                 'a wall, so no temperature can be held: give its file a column ''wall'' with '// &
+                 '1 for the particles on the boundary.')
       return
     end if
     if (all(cloud%side /= 0)) then
-      call raise(error, status_bad_input, 'All '//to_text(cloud%particles())// &
+      call raise(error, status_bad_input, path//': all '//to_text(cloud%particles())// &
                  ' particles lie on the boundary: lower &domain spacing.')
       return
     end if
@@ -348,7 +364,7 @@ contains
       end if
     end do
     if (names /= '') then
-      call raise(error, status_bad_input, 'Nothing is said about the boundary'//names// &
+      call raise(error, status_bad_input, path//': nothing is said about the boundary'//names// &
                  ': add a group &boundary with on, kind = ''temperature'' and value.')
     end if
   end subroutine check_walls
@@ -382,7 +398,7 @@ contains
         call compile_expression(scene%initial_expression, initial, error)
         if (allocated(error)) return
         call initial%evaluate(cloud%x, cloud%y, 0.0_wp, values=this%temperature)
-        call check_values(scene%initial_expression, '&initial temperature_expression', &
+        call check_values(scene%initial_expression, scene%path//': &initial', &
                           this%temperature, cloud%x, cloud%y, error)
         if (allocated(error)) return
       end if
@@ -391,7 +407,7 @@ contains
         if (allocated(error)) return
         allocate (exact(cloud%particles()))
         call this%exact%evaluate(cloud%x, cloud%y, 0.0_wp, values=exact)
-        call check_values(scene%exact_expression, '&scene exact_expression', exact, cloud%x, &
+        call check_values(scene%exact_expression, scene%path//': &scene', exact, cloud%x, &
                           cloud%y, error)
         if (allocated(error)) return
       end if
@@ -425,6 +441,8 @@ contains
       else
         call this%stopwatch%start('neighbours')
         call build_neighbour_list(cloud%x, cloud%y, this%radius(free), list, free)
+        call require_neighbours(this%scene, cloud, list, error)
+        if (allocated(error)) return
         call this%stopwatch%start('assembly')
         call scheme%assemble(kernel, cloud%x, cloud%y, cloud%volume, this%radius, list, laplacian, &
                              this%report)
@@ -433,17 +451,15 @@ contains
         allocate (this%repairs%repair(size(free)), source=as_written)
       end if
     end associate
-    call this%count_neighbours(error)
-    if (allocated(error)) return
+    call this%count_neighbours()
     associate (material => this%scene%material)
       this%conduction%diffusivity = material%conductivity/(material%density*material%heat_capacity)
     end associate
   end subroutine assemble
 
-  !> Note how many neighbours the rows have; a row without any is an error.
-  subroutine count_neighbours(this, error)
+  !> Note how many neighbours the rows have.
+  subroutine count_neighbours(this)
     class(simulation_t), intent(inout) :: this
-    type(error_t), allocatable, intent(out) :: error
     integer, allocatable :: neighbours(:)
 
     associate (laplacian => this%conduction%laplacian)
@@ -451,12 +467,6 @@ contains
       this%fewest_neighbours = minval(neighbours)
       this%most_neighbours = maxval(neighbours)
       this%mean_neighbours = real(size(laplacian%index), wp)/laplacian%rows()
-      if (this%fewest_neighbours > 0) return
-      call raise(error, status_bad_input, &
-                 this%name_particle(laplacian%target(minloc(neighbours, dim=1)))// &
-                 ' has no neighbour within the support radius of '// &
-                 to_text(this%support_radius, digits=4)//' m: raise &kernel support, which is '// &
-                 to_text(this%scene%support)//', or let supports grow: &scheme support_growth.')
     end associate
   end subroutine count_neighbours
 
@@ -470,6 +480,34 @@ contains
            to_text(this%cloud%x(particle), digits=6)//', '// &
            to_text(this%cloud%y(particle), digits=6)//')'
   end function name_particle
+
+  !> Predict the number of steps: those of a pilot run, and the rest as long as its last one. Steps
+  !> are short at the start, while the field adapts to the operator, so that the first tells little.
+  subroutine predict_steps(this)
+    class(simulation_t), intent(inout) :: this
+    !> A pilot run of a larger cloud would take longer than its figure is worth
+    integer, parameter :: pilot_steps = 15, most_particles = 100000
+    type(stepper_t) :: pilot
+    real(wp), allocatable :: temperature(:)
+    type(error_t), allocatable :: error
+    real(wp) :: time
+
+    associate (end_time => this%scene%time%end)
+      this%predicted_steps = end_time/this%stepper%longest_step
+      if (.not. this%stepper%tolerance > 0) return
+      this%predicted_steps = 0
+      if (this%cloud%particles() > most_particles) return
+      pilot = this%stepper
+      temperature = this%temperature
+      time = this%time
+      call pilot%advance_to(this%conduction, time, end_time, temperature, error, &
+                            at_most=pilot_steps)
+      this%predicted_steps = pilot%steps
+      if (time < end_time .and. .not. allocated(error)) then
+        this%predicted_steps = pilot%steps + (end_time - time)/pilot%next_proposal()
+      end if
+    end associate
+  end subroutine predict_steps
 
   !> Whether a run would be stable: every row is exact or may be inexact, and no eigenvalue lies to
   !> the right of zero.
@@ -543,13 +581,19 @@ contains
   subroutine choose_steps(this, error)
     class(simulation_t), intent(inout) :: this
     type(error_t), allocatable, intent(out) :: error
-    real(wp) :: scale, step
+    real(wp) :: bound, scale, step
 
     associate (time => this%scene%time, stepper => this%stepper)
       call make_integrator(time%method, stepper%integrator, error)
       if (allocated(error)) return
-      stepper%spectral_radius = estimate_spectral_radius(this%conduction, &
-                                                         this%conduction%spectral_bound())
+      bound = this%conduction%spectral_bound()
+      if (bound > most_euler_steps/time%end) then
+        call raise(error, status_bad_input, time%place//': end = '//to_text(time%end)// &
+                   ' s cannot be stepped to: heat crosses a particle spacing in about '// &
+                   to_text(1/bound, digits=2)//' s. Lower end, or look at &material.')
+        return
+      end if
+      stepper%spectral_radius = estimate_spectral_radius(this%conduction, bound)
       stepper%spectral_radius = max(stepper%spectral_radius, 1.0e-6_wp/time%end)
       this%stability_limit = stepper%integrator%longest_stable_step(stepper%spectral_radius)
       if (this%conduction%fastest_decay() > 0) then
@@ -561,7 +605,7 @@ contains
         call stepper%integrator%shorten_step(this%conduction, stepper%spectral_radius, step)
         if (step < time%step) this%stability_limit = min(this%stability_limit, step)
         if (time%step > this%stability_limit) then
-          call raise(error, status_bad_input, '&time step = '//to_text(time%step)// &
+          call raise(error, status_bad_input, time%place//': step = '//to_text(time%step)// &
                      ' s is beyond the stability limit of '//time%method//' on this cloud, '// &
                      to_text(this%stability_limit, digits=4)//' s: take a smaller step, or '// &
                      'leave step out and let the program choose.')
@@ -577,7 +621,7 @@ contains
         call stepper%propose_first(this%conduction, 0.0_wp, this%temperature)
       else
         if (time%tolerance > 0) then
-          call raise(error, status_bad_input, '&time tolerance: '//trim(time%method)// &
+          call raise(error, status_bad_input, time%place//': tolerance: '//trim(time%method)// &
                      ' does not estimate its error. Leave tolerance out, or take method = '// &
                      '''auto'' or ''rkl2''.')
           return
@@ -586,6 +630,11 @@ contains
         if (this%monotone_limit > 0) then
           stepper%longest_step = min(stepper%longest_step, this%monotone_limit)
         end if
+      end if
+      if (stepper%longest_step*huge(1) < time%end) then
+        call raise(error, status_bad_input, time%place//': steps of at most '// &
+                   to_text(stepper%longest_step, digits=3)//' s to end = '//to_text(time%end)// &
+                   ' s would be more than can be counted: lower end.')
       end if
     end associate
   end subroutine choose_steps

@@ -1,18 +1,20 @@
 !> The output file of a run: which fields and notes go into it, in the user's order of particles.
 module calor_simulation_file
   use calor_cloud, only: cloud_t
-  use calor_error, only: error_t
+  use calor_error, only: error_t, raise, status_bad_input
   use calor_expression, only: expression_t
-  use calor_field_file, only: field_file_t
+  use calor_field_file, only: field_file_t, check_place
+  use calor_file_system, only: resolved_path
   use calor_kinds, only: wp
   use calor_scene, only: scene_t
+  use calor_scene_cloud, only: beside_scene
   use calor_stopwatch, only: phase_t
   use calor_text, only: text_t, text_list
   use calor_version, only: version
   implicit none (type, external)
   private
 
-  public :: simulation_file_t, write_origin
+  public :: simulation_file_t, write_origin, check_target
 
   !> The output of one run; where the scene names no file, every procedure does nothing
   type :: simulation_file_t
@@ -70,6 +72,37 @@ contains
     call this%file%set_attribute('effects', text_list(['conduction']), error)
     if (allocated(error)) call this%file%discard()
   end subroutine open_file
+
+  !> Find out, before any work is done, whether a file can be written; '' stands for none.
+  !> What the scene is read from is not to be written over.
+  subroutine check_target(path, place, scene, error)
+    !> The file
+    character(len=*), intent(in) :: path
+    !> Where the scene names it
+    character(len=*), intent(in) :: place
+    !> The scene
+    type(scene_t), intent(in) :: scene
+    !> It cannot be written, or must not
+    type(error_t), allocatable, intent(out) :: error
+    character(len=:), allocatable :: target
+
+    if (path == '') return
+    call check_place(path, error)
+    if (allocated(error)) then
+      error%message = place//': '//error%message
+      return
+    end if
+    target = resolved_path(path)
+    if (target == resolved_path(scene%path)) then
+      call raise(error, status_bad_input, place//': that would be written over the scene '// &
+                 'itself; name another file.')
+    else if (scene%domain%shape == 'cloud') then
+      if (target == resolved_path(beside_scene(scene%path, scene%domain%file))) then
+        call raise(error, status_bad_input, place//': that would be written over the cloud '// &
+                   'that the scene is made of; name another file.')
+      end if
+    end if
+  end subroutine check_target
 
   !> What every file of calor's says about where it comes from, and what makes it usable as a cloud:
   !> volumes and walls.

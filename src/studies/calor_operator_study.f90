@@ -14,8 +14,8 @@ module calor_operator_study
   use calor_laplacian_schemes, only: make_laplacian_scheme
   use calor_neighbour_list, only: neighbour_list_t, build_neighbour_list
   use calor_scene, only: scene_t
-  use calor_scene_cloud, only: make_scene_cloud
-  use calor_simulation_file, only: write_origin
+  use calor_scene_cloud, only: make_scene_cloud, require_neighbours
+  use calor_simulation_file, only: write_origin, check_target
   use calor_sparse_operator, only: sparse_operator_t
   implicit none (type, external)
   private
@@ -69,6 +69,8 @@ contains
                  '&operators field_expression = ''exp(x)*sin(2*y)'' /.')
       return
     end if
+    call check_target(scene%operators%file, scene%operators%place, scene, error)
+    if (allocated(error)) return
     this%scene = scene
     call make_kernel(scene%kernel, kernel, error)
     if (allocated(error)) return
@@ -79,6 +81,8 @@ contains
 
     allocate (radius(this%cloud%particles()), source=scene%support*this%cloud%spacing)
     call build_neighbour_list(this%cloud%x, this%cloud%y, radius, list)
+    call require_neighbours(scene, this%cloud, list, error)
+    if (allocated(error)) return
     inside = this%cloud%side == 0
     whole = inside
     do row = 1, list%rows()

@@ -33,7 +33,8 @@ module calor_arpack
       integer, intent(in) :: ldz, n, ncv, ldv, lworkl
       integer, intent(inout) :: nev
       logical, intent(inout) :: select(ncv)
-      real(wp), intent(inout) :: dr(ncv), di(ncv), z(ldz, ncv), workev(3*ncv), tol
+      real(wp), intent(inout) :: dr(nev + 2), di(nev + 2), z(ldz, nev + 2)
+      real(wp), intent(inout) :: workev(3*ncv), tol
       real(wp), intent(in) :: sigmar, sigmai
       real(wp), intent(inout) :: resid(n), v(ldv, ncv), workd(3*n), workl(lworkl)
       integer, intent(inout) :: iparam(11), ipntr(14), info

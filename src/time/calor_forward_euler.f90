@@ -1,5 +1,6 @@
 !> The forward Euler method: first order, one evaluation a step, stable for |λ| Δt ≤ 2.
 module calor_forward_euler
+  use calor_constants, only: worth_threads
   use calor_evolution, only: evolution_t
   use calor_integrator, only: integrator_t
   use calor_kinds, only: wp
@@ -56,7 +57,7 @@ contains
 
     call evolution%rate(time, u, u_next)
     this%evaluations = this%evaluations + 1
-    !$omp parallel do schedule(static) default(shared) private(k)
+    !$omp parallel do if (size(u) > worth_threads) schedule(static) default(shared) private(k)
     do k = 1, size(u)
       u_next(k) = u(k) + step*u_next(k)
     end do

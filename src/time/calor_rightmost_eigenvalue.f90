@@ -10,6 +10,7 @@
 !> Source: Y. Saad, Chebyshev acceleration techniques for solving nonsymmetric eigenvalue problems,
 !> Math. Comput. 42 (1984) 567–588.
 module calor_rightmost_eigenvalue
+  use calor_constants, only: worth_threads
   use calor_arpack, only: dnaupd, dneupd, dgeev
   use calor_evolution, only: evolution_t
   use calor_kinds, only: wp, i8
@@ -48,7 +49,7 @@ module calor_rightmost_eigenvalue
   !> Vectors of the Krylov space
   integer, parameter :: krylov_size = 24
   !> Products with the Jacobian are limited to this many, times a thousand unknowns over the size
-  real(wp), parameter :: most_products = 2.0e6_wp, fewest_products = 1.0e4_wp
+  real(wp), parameter :: most_products = 1.0e6_wp, fewest_products = 1.0e3_wp
 
 contains
 
@@ -176,12 +177,13 @@ contains
     real(wp), intent(out) :: least, highest
     integer, parameter :: lworkl = 3*krylov_size**2 + 6*krylov_size
     real(wp), allocatable :: residual(:), basis(:, :), workd(:), vectors(:, :)
-    real(wp) :: workl(lworkl), workev(3*krylov_size), dr(krylov_size), di(krylov_size), tolerance
+    real(wp) :: workl(lworkl), workev(3*krylov_size), tolerance
+    real(wp) :: dr(most_wanted + 2), di(most_wanted + 2)
     logical :: chosen(krylov_size)
     integer :: iparam(11), ipntr(14), ido, info, wanted, n, k
 
     n = evolution%unknowns()
-    allocate (residual(n), basis(n, krylov_size), workd(3*n), vectors(n, krylov_size))
+    allocate (residual(n), basis(n, krylov_size), workd(3*n), vectors(n, most_wanted + 2))
     do k = 1, n
       residual(k) = random_uniform(2, int(k, i8)) - 0.5_wp
     end do
@@ -237,7 +239,7 @@ contains
     do j = 1, degree
       call evolution%jacobian_product(later, rate)
       factor = merge(1.0_wp, 2.0_wp, j == 1)/focus
-      !$omp parallel do schedule(static) default(shared) private(k)
+      !$omp parallel do if (size(v) > worth_threads) schedule(static) default(shared) private(k)
       do k = 1, size(v)
         product(k) = factor*(rate(k) - centre*later(k)) - earlier(k)
         earlier(k) = later(k)
@@ -261,7 +263,7 @@ contains
     end do
     allocate (product(size(vector)))
     call evolution%clear_prescribed(vector)
-    do k = 1, 50
+    do k = 1, 10
       call apply_polynomial(evolution, centre, focus, vector, product)
       vector = product/maxval(abs(product))
     end do

@@ -11,6 +11,7 @@
 !> Source: C.D. Meyer, D.S. Balsara, T.D. Aslam, J. Comput. Phys. 257 (2014) 594–626, equations
 !> (15)–(19).
 module calor_rkl2
+  use calor_constants, only: worth_threads
   use calor_evolution, only: evolution_t
   use calor_integrator, only: integrator_t
   use calor_kinds, only: wp, i8
@@ -126,7 +127,7 @@ contains
     do k = 1, trial_steps
       if (.not. before > 0) return
       call evolution%jacobian_product(v, rate_start)
-      !$omp parallel do schedule(static) default(shared) private(i)
+      !$omp parallel do if (n > worth_threads) schedule(static) default(shared) private(i)
       do i = 1, n
         v(i) = v(i)/before
         rate_start(i) = rate_start(i)/before
@@ -137,7 +138,7 @@ contains
       do j = 2, stages
         call evolution%jacobian_product(newer, rate)
         c = coefficients(j, stages)
-        !$omp parallel do schedule(static) default(shared) private(i)
+        !$omp parallel do if (n > worth_threads) schedule(static) default(shared) private(i)
         do i = 1, n
           latest(i) = c(1)*newer(i) + c(2)*older(i) + (1 - c(1) - c(2))*v(i) + &
                       step*(c(3)*rate(i) + c(4)*rate_start(i))
@@ -206,7 +207,7 @@ contains
     older = 1
     newer = 2
     place = first_place(stages)
-    !$omp parallel do schedule(static) default(shared) private(k)
+    !$omp parallel do if (size(u) > worth_threads) schedule(static) default(shared) private(k)
     do k = 1, size(u)
       this%stage(k, older) = u(k)
       this%stage(k, newer) = u(k) + place*step*this%rate_start(k)
@@ -217,7 +218,7 @@ contains
     do j = 2, stages
       call evolution%rate(time + place*step, this%stage(:, newer), this%rate_stage)
       c = coefficients(j, stages)
-      !$omp parallel do schedule(static) default(shared) private(k)
+      !$omp parallel do if (size(u) > worth_threads) schedule(static) default(shared) private(k)
       do k = 1, size(u)
         ! The stage before the last is no longer needed once it has entered here.
         this%stage(k, older) = c(1)*this%stage(k, newer) + c(2)*this%stage(k, older) + &

@@ -1,6 +1,7 @@
 !> The classical Runge–Kutta method: fourth order, four evaluations a step, stable for real
 !> λ Δt ≥ -2.785.
 module calor_runge_kutta_4
+  use calor_constants, only: worth_threads
   use calor_evolution, only: evolution_t
   use calor_integrator, only: integrator_t
   use calor_kinds, only: wp
@@ -71,7 +72,7 @@ contains
       call evolution%rate(time + node(j)*step, this%stage, this%slope)
       ! Where the next stage lies; after the fourth there is none and its result is not used
       next = node(min(j + 1, 4))*step
-      !$omp parallel do schedule(static) default(shared) private(k)
+      !$omp parallel do if (size(u) > worth_threads) schedule(static) default(shared) private(k)
       do k = 1, size(u)
         u_next(k) = u_next(k) + share(j)*step*this%slope(k)
         this%stage(k) = u(k) + next*this%slope(k)

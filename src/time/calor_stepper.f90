@@ -1,5 +1,7 @@
 !> From one time to another: which steps are taken.
 module calor_stepper
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+  use calor_constants, only: worth_threads
   use calor_error, only: error_t, raise, status_bad_numbers
   use calor_evolution, only: evolution_t
   use calor_integrator, only: integrator_t
@@ -24,6 +26,8 @@ module calor_stepper
     integer :: steps = 0, rejected = 0
     !> The sum of the estimated errors of all steps
     real(wp) :: accumulated_error = 0.0_wp
+    !> Whether the last step ended in numbers
+    logical, private :: finite = .true.
     !> The step that the error control would take next, s; 0 before the first
     real(wp), private :: proposed = 0.0_wp, first = 0.0_wp
     real(wp), allocatable, private :: u_next(:)
@@ -34,13 +38,15 @@ module calor_stepper
     procedure :: propose_first
     !> That length, s; 0 before it was found
     procedure :: first_proposal
+    !> The length of the step that would come next, s
+    procedure :: next_proposal
     procedure, private :: try_step
   end type stepper_t
 
 contains
 
   !> Integrate; the last step ends exactly at `end_time`.
-  subroutine advance_to(this, evolution, time, end_time, u, error)
+  subroutine advance_to(this, evolution, time, end_time, u, error, at_most)
     class(stepper_t), intent(inout) :: this
     !> What is integrated
     class(evolution_t), intent(inout) :: evolution
@@ -52,8 +58,10 @@ contains
     real(wp), intent(inout) :: u(:)
     !> The numbers went wrong
     type(error_t), allocatable, intent(out) :: error
+    !> Under error control: stop after so many steps, wherever that is
+    integer, intent(in), optional :: at_most
     real(wp) :: step, start
-    integer :: remaining, done
+    integer :: remaining, done, last
 
     if (.not. this%tolerance > 0) then
       if (.not. allocated(this%u_next)) allocate (this%u_next(size(u)))
@@ -69,15 +77,23 @@ contains
       return
     end if
     if (.not. this%proposed > 0) call this%propose_first(evolution, time, u)
-    do while (time < end_time)
+    last = huge(last)
+    if (present(at_most)) last = this%steps + at_most
+    do while (time < end_time .and. this%steps < last)
       step = min(this%proposed, this%longest_step)
       call this%integrator%shorten_step(evolution, this%spectral_radius, step)
       ! Steps of equal length to the end, rather than a tiny last one
       step = (end_time - time)/max(1.0_wp, aint((end_time - time)/step + 0.9999_wp))
       if (.not. time + step > time) then
-        call raise(error, status_bad_numbers, 'The time step fell to '//to_text(step, digits=3)// &
-                   ' s at t = '//to_text(time, digits=6)//' s without meeting the tolerance: '// &
-                   'raise &time tolerance.')
+        if (this%finite) then
+          call raise(error, status_bad_numbers, 'The time step fell to '// &
+                     to_text(step, digits=3)//' s at t = '//to_text(time, digits=6)// &
+                     ' s without meeting the tolerance: raise &time tolerance.')
+        else
+          call raise(error, status_bad_numbers, 'Beyond t = '//to_text(time, digits=6)// &
+                     ' s the temperatures are no numbers any more, however short the step. '// &
+                     'Does an expression of the scene have a value at later times?')
+        end if
         return
       end if
       call this%try_step(evolution, time, step, u, error)
@@ -101,11 +117,16 @@ contains
     call this%integrator%advance(evolution, time, step, this%spectral_radius, u, this%u_next, &
                                  local_error)
     if (this%tolerance > 0) then
-      ! The local error of the second-order method goes with the third power of the step.
-      factor = 0.9_wp*(this%tolerance/max(local_error, tiny(1.0_wp)))**(1.0_wp/3)
-      if (.not. local_error <= huge(local_error)) factor = 0.1_wp
+      factor = 0.1_wp
+      this%finite = ieee_is_finite(local_error)
+      if (this%finite) then
+        ! The local error of the second-order method goes with the third power of the step.
+        factor = 0.9_wp*(this%tolerance/max(local_error, tiny(1.0_wp)))**(1.0_wp/3)
+      else
+        local_error = huge(local_error)
+      end if
       this%proposed = step*min(3.0_wp, max(0.1_wp, factor))
-      if (.not. local_error <= this%tolerance) then
+      if (local_error > this%tolerance) then
         this%rejected = this%rejected + 1
         return
       end if
@@ -113,7 +134,7 @@ contains
     call evolution%inspect(time + step, this%u_next, error)
     if (allocated(error)) return
     call this%integrator%accept()
-    !$omp parallel do schedule(static) default(shared) private(k)
+    !$omp parallel do if (size(u) > worth_threads) schedule(static) default(shared) private(k)
     do k = 1, size(u)
       u(k) = this%u_next(k)
     end do
@@ -149,5 +170,12 @@ contains
 
     step = this%first
   end function first_proposal
+
+  pure function next_proposal(this) result(step)
+    class(stepper_t), intent(in) :: this
+    real(wp) :: step
+
+    step = min(this%proposed, this%longest_step)
+  end function next_proposal
 
 end module calor_stepper

@@ -1,0 +1,59 @@
+!> How much memory the machine has to spare.
+module calor_machine_memory
+  use calor_kinds, only: i8
+  implicit none (type, external)
+  private
+
+  public :: available_memory
+
+contains
+
+  !> Bytes that can be had without swapping, as far as the system says so; huge where it does not.
+  function available_memory() result(bytes)
+    integer(i8) :: bytes
+    integer(i8) :: limit, used
+
+    bytes = from_meminfo()
+    ! A container may have less than its machine.
+    limit = number_in('/sys/fs/cgroup/memory.max')
+    used = number_in('/sys/fs/cgroup/memory.current')
+    if (limit >= 0 .and. used >= 0) bytes = min(bytes, max(0_i8, limit - used))
+  end function available_memory
+
+  !> The line 'MemAvailable:  1234 kB' of Linux
+  function from_meminfo() result(bytes)
+    integer(i8) :: bytes
+    character(len=*), parameter :: mark = 'MemAvailable:'
+    character(len=120) :: line
+    integer(i8) :: kilobytes
+    integer :: unit, status
+
+    bytes = huge(bytes)
+    open (newunit=unit, file='/proc/meminfo', status='old', action='read', iostat=status)
+    if (status /= 0) return
+    do
+      read (unit, '(a)', iostat=status) line
+      if (status /= 0) exit
+      if (index(line, mark) /= 1) cycle
+      read (line(len(mark) + 1:), *, iostat=status) kilobytes
+      if (status == 0) bytes = 1024*kilobytes
+      exit
+    end do
+    close (unit)
+  end function from_meminfo
+
+  !> The whole number that a file consists of; -1 if it does not
+  function number_in(path) result(number)
+    character(len=*), intent(in) :: path
+    integer(i8) :: number
+    integer :: unit, status
+
+    number = -1
+    open (newunit=unit, file=path, status='old', action='read', iostat=status)
+    if (status /= 0) return
+    read (unit, *, iostat=status) number
+    if (status /= 0) number = -1
+    close (unit)
+  end function number_in
+
+end module calor_machine_memory
