@@ -7,7 +7,7 @@
 
 .DEFAULT_GOAL := build
 .NOTPARALLEL:
-.PHONY: help build run test test-checked examples lint format pictures documents \
+.PHONY: help build run test test-checked examples lint format pictures hard-cases documents \
   set-up clean distclean
 SHELL := /bin/bash
 
@@ -69,6 +69,12 @@ format: ## indent the sources as `make lint` wants them
 
 pictures: examples ## draw the pictures of the documentation anew
 	@tools/pictures.sh $(EXAMPLES) docs/pictures
+
+hard-cases: examples ## make anew the tables and the picture of docs/hard-cases.md (minutes)
+	@scratch=$$(mktemp) && $(EXAMPLES)/hard_cases spectrum >$$scratch && \
+	gnuplot -e "data='$$scratch'; picture='docs/pictures/spectrum.png'" tools/spectrum.gnuplot && \
+	rm $$scratch
+	@OMP_NUM_THREADS=1 CALOR_KINDS=study tools/documents.sh
 
 documents: build examples ## make anew what the documents quote from the programs
 	@tools/documents.sh

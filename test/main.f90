@@ -12,6 +12,7 @@ program main
   use test_scene_file, only: collect_scene_file
   use test_cloud_file, only: collect_cloud_file
   use test_field_file, only: collect_field_file
+  use test_hard_cases, only: collect_hard_cases
   use test_heat, only: collect_heat
   use test_operators, only: collect_operators
   use test_clouds, only: collect_clouds
@@ -40,6 +41,7 @@ program main
            new_testsuite('time', collect_time), &
            new_testsuite('stable rows', collect_stable_rows), &
            new_testsuite('heat', collect_heat), &
+           new_testsuite('hard cases', collect_hard_cases), &
            new_testsuite('kernels', collect_kernels), &
            new_testsuite('neighbour list', collect_neighbour_list), &
            new_testsuite('random', collect_random), &

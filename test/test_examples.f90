@@ -13,7 +13,7 @@ module test_examples
   !> Every example; each has a test below
   character(len=*), parameter :: examples(*) = [character(len=20) :: 'heat_in_ten_lines', &
       'laplacian_of_a_field', 'neighbour_list', 'own_kernel', 'own_scheme', 'error_table', &
-      'operator_table', 'field_as_text', 'scene_reference']
+      'operator_table', 'field_as_text', 'scene_reference', 'hard_cases']
 
 contains
 
@@ -30,6 +30,7 @@ contains
                 new_unittest('error_table', test_error_table), &
                 new_unittest('operator_table', test_operator_table), &
                 new_unittest('field_as_text', test_field_as_text), &
+                new_unittest('hard_cases', test_hard_cases), &
                 new_unittest('scene_reference', test_scene_reference) &
                 ]
   end subroutine collect_examples
@@ -179,6 +180,21 @@ contains
     if (allocated(error)) return
     call check_number(error, outcome, '0.000000000E+00  0.000000000E+00', 0.0_wp, 0.0_wp)
   end subroutine test_field_as_text
+
+  subroutine test_hard_cases(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(outcome_t) :: outcome
+
+    call run_example('hard_cases', outcome, error)
+    if (allocated(error)) return
+    call check_number(error, outcome, 'repaired rows 0: largest Re λ Δ²', 1.0_wp, 1.0e5_wp)
+    if (allocated(error)) return
+    call check_number(error, outcome, 'repaired rows 275: largest Re λ Δ²', -0.0345_wp, -0.034_wp)
+    if (allocated(error)) return
+    call run_example('hard_cases', outcome, error, arguments='cloud 21 8 1')
+    if (allocated(error)) return
+    call check(error, index(outcome%output, '# random, made by: hard_cases cloud 21 8 1'), 1)
+  end subroutine test_hard_cases
 
   subroutine test_scene_reference(error)
     type(error_type), allocatable, intent(out) :: error

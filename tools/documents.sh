@@ -6,11 +6,13 @@
 #   <!-- text: scene_reference domain -->    words of the program, which --check compares
 #   <!-- sample: calor check SCENE -->       an example of output, which may differ between machines
 #   <!-- table: error_table -->              measured numbers, a Markdown table
+#   <!-- study: hard_cases all -->           the same where it takes minutes
 #   <!-- end -->
 #
 # The first word is calor or a program of example/. Without --check the quotations are made anew;
 # with it nothing is written, and the status is 1 if a text differs. The programs are looked for in
-# CALOR_PROGRAM and CALOR_EXAMPLES, which make sets.
+# CALOR_PROGRAM and CALOR_EXAMPLES, which make sets. A study is made anew only where CALOR_KINDS says
+# so, a list such as 'table|study'.
 
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -35,9 +37,9 @@ renewed() {
     if [[ $line =~ ^'<!-- '($2)': '(.*)' -->'$ ]]; then
       kind=${BASH_REMATCH[1]}
       printf '%s\n' "$line"
-      if [[ $kind == table ]]; then printf '\n'; else printf '```text\n'; fi
+      if [[ $kind == @(table|study) ]]; then printf '\n'; else printf '```text\n'; fi
       quotation "${BASH_REMATCH[2]}" </dev/null || return 1
-      if [[ $kind == table ]]; then printf '\n'; else printf '```\n'; fi
+      if [[ $kind == @(table|study) ]]; then printf '\n'; else printf '```\n'; fi
       inside=1
     elif [[ $line == '<!-- end -->' ]]; then
       inside=0
@@ -61,7 +63,7 @@ for document in README.md docs/*.md; do
       status=1
     fi
   else
-    text=$(renewed "$document" 'text|sample|table' && printf x) || exit 1
+    text=$(renewed "$document" "${CALOR_KINDS:-text|sample|table}" && printf x) || exit 1
     if ! cmp --silent "$document" - < <(printf '%s' "${text%x}"); then
       printf '%s' "${text%x}" >"$document"
       echo "renewed $document"

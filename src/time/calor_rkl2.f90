@@ -149,8 +149,7 @@ contains
       end do
       v = newer
       before = root_mean_square(v)
-      ! Beyond that nothing but an unstable mode is left: stable ones of a usual cloud stay below
-      ! 100.
+      ! More than that would amplify rounding errors, whatever becomes of it later.
       if (before > 1.0e4_wp) exit
     end do
     is_stable = before <= 1
