@@ -33,6 +33,8 @@ module calor_stable_rows
   !> A row with a larger |a_ii| in units of the mean distance of its neighbours is poor: it hangs on
   !> neighbours that are nearly in line, or much too near
   real(wp), parameter :: largest_stiffness = 100.0_wp
+  !> … but it may be so much where there is no other exact row: short steps are better than none
+  real(wp), parameter :: most_stiffness = 1000.0_wp
   !> By how much a support grows at a time
   real(wp), parameter :: growth = 1.15_wp
   !> Growth ends at this many neighbours: beyond it a row is no longer local
@@ -103,6 +105,9 @@ contains
       repairs%repair(failed) = positive_stencil
       radius(targets(failed)) = first_radius(failed)/growth
       call grow(positive_t(), kernel, x, y, volume, radius, targets, 0, largest_residual, failed)
+      radius(targets(failed)) = first_radius(failed)/growth
+      call grow(positive_t(), kernel, x, y, volume, radius, targets, 0, largest_residual, failed, &
+                allowed_stiffness=most_stiffness)
       repairs%repair(failed) = inexact_stencil
       radius(targets(failed)) = first_radius(failed)/growth
       call grow(positive_t(relaxed=.true.), kernel, x, y, volume, radius, targets, &
@@ -126,8 +131,8 @@ contains
     if (all(repairs%repair /= inexact_stencil)) return
     do k = 1, size(targets)
       if (repairs%repair(k) /= inexact_stencil) cycle
-      if (repairs%quality%stiffness(k) <= largest_stiffness) cycle
-      call scale_row(laplacian, k, largest_stiffness/repairs%quality%stiffness(k))
+      if (repairs%quality%stiffness(k) <= most_stiffness) cycle
+      call scale_row(laplacian, k, most_stiffness/repairs%quality%stiffness(k))
     end do
     call measure_rows(laplacian, x, y, radius, 2, repairs%quality)
   end subroutine assemble_stable_rows

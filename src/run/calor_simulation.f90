@@ -407,7 +407,7 @@ contains
       end if
       call raise(error, status_bad_numbers, &
                  subject//' neighbours that admit no stable row exact '// &
-                 'for quadratic fields: they lie on one side, in line, or much too far.'// &
+                 'for quadratic fields: they lie on one side, in line, or much nearer to it than to each other.'// &
                  new_line('a')// &
                  'Move or add particles there, or set &scheme allow_inexact_rows = .true. to '// &
                  'use the best stable row. &output fields = ''row_repair'' shows where.')
