@@ -1,6 +1,5 @@
 !> The heat driver: a scene becomes a cloud, the cloud an operator, the operator is stepped in time.
 module calor_simulation
-  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use calor_cloud, only: cloud_t
   use calor_conduction, only: conduction_t
   use calor_error, only: error_t, raise, status_bad_input, status_bad_numbers
@@ -12,12 +11,13 @@ module calor_simulation
   use calor_laplacian_scheme, only: laplacian_scheme_t
   use calor_laplacian_schemes, only: make_laplacian_scheme
   use calor_neighbour_list, only: neighbour_list_t, build_neighbour_list
-  use calor_prescribed, only: prescribed_t
   use calor_rightmost_eigenvalue, only: rightmost_t, find_rightmost
   use calor_row_quality, only: measure_rows
   use calor_row_report, only: row_report_t
   use calor_scene, only: scene_t
   use calor_scene_cloud, only: make_scene_cloud, require_neighbours
+  use calor_scene_values, only: field_values
+  use calor_scene_walls, only: hold_walls
   use calor_simulation_file, only: simulation_file_t, check_target
   use calor_spectral_radius, only: estimate_spectral_radius
   use calor_stable_rows, only: assemble_stable_rows, row_repairs_t, as_written, inexact_stencil
@@ -89,7 +89,6 @@ module calor_simulation
     !> ‖u - u_exact‖ / ‖u_exact‖ in the L2 norm over all particles, weighted by their volumes
     procedure :: relative_l2_error
     procedure, private :: assemble
-    procedure, private :: hold_walls
     procedure, private :: start_temperature
     procedure, private :: count_neighbours
     procedure, private :: choose_steps
@@ -147,7 +146,7 @@ contains
     call make_scene_cloud(scene, kernel, this%cloud, error)
     if (allocated(error)) return
     this%support_radius = scene%support*this%cloud%spacing
-    call this%hold_walls(error)
+    call hold_walls(scene, this%cloud, this%conduction%prescribed, error)
     if (allocated(error)) return
     call this%start_temperature(error)
     if (allocated(error)) return
@@ -272,143 +271,23 @@ contains
     if (norm > 0) deviation = deviation/norm
   end function relative_l2_error
 
-  !> Hold the wall particles at what the boundaries say; where two speak of one particle, as at a
-  !> corner, the later one in the scene counts.
-  subroutine hold_walls(this, error)
-    class(simulation_t), intent(inout) :: this
-    type(error_t), allocatable, intent(out) :: error
-    integer, allocatable :: holder(:)
-    integer :: k, particle
-
-    allocate (holder(this%cloud%particles()), source=0)
-    do k = 1, size(this%scene%boundaries)
-      call mark_boundary(this%cloud, this%scene%boundaries(k)%on, &
-                         this%scene%boundaries(k)%place, k, holder, error)
-      if (allocated(error)) return
-    end do
-    call check_walls(this%scene%path, this%cloud, holder, error)
-    if (allocated(error)) return
-    allocate (this%conduction%prescribed(size(this%scene%boundaries)))
-    do k = 1, size(this%scene%boundaries)
-      associate (boundary => this%scene%boundaries(k), prescribed => this%conduction%prescribed(k))
-        prescribed%particle = pack([(int(particle, ip), particle=1, size(holder))], holder == k)
-        allocate (prescribed%temperature(size(prescribed%particle)), source=boundary%value)
-        if (boundary%value_expression == '') cycle
-        allocate (prescribed%expression)
-        call compile_expression(boundary%value_expression, prescribed%expression, error)
-        if (allocated(error)) return
-        prescribed%x = this%cloud%x(prescribed%particle)
-        prescribed%y = this%cloud%y(prescribed%particle)
-        call prescribed%expression%evaluate(prescribed%x, prescribed%y, 0.0_wp, &
-                                            values=prescribed%temperature)
-        call check_values(boundary%value_expression, boundary%place, prescribed%temperature, &
-                          prescribed%x, prescribed%y, error)
-        if (allocated(error)) return
-        if (prescribed%expression%uses('t')) cycle
-        deallocate (prescribed%expression)
-      end associate
-    end do
-  end subroutine hold_walls
-
-  !> Note which boundary condition holds which particle.
-  subroutine mark_boundary(cloud, name, place, number, holder, error)
-    type(cloud_t), intent(in) :: cloud
-    character(len=*), intent(in) :: name, place
-    integer, intent(in) :: number
-    integer, intent(inout) :: holder(:)
-    type(error_t), allocatable, intent(out) :: error
-    character(len=:), allocatable :: names
-    integer :: bit
-
-    if (name == 'all') then
-      where (cloud%side /= 0) holder = number
-      return
-    end if
-    names = '''all'''
-    do bit = 0, size(cloud%boundary) - 1
-      if (cloud%boundary(bit + 1)%value == name) then
-        where (btest(cloud%side, bit)) holder = number
-        return
-      end if
-      names = names//', '''//cloud%boundary(bit + 1)%value//''''
-    end do
-    call raise(error, status_bad_input, place//': the domain has no boundary called '''//name// &
-               '''. There are: '//names//'.')
-  end subroutine mark_boundary
-
-  !> Every wall particle must be held, and some particle must not be.
-  subroutine check_walls(path, cloud, holder, error)
-    !> The scene
-    character(len=*), intent(in) :: path
-    type(cloud_t), intent(in) :: cloud
-    integer, intent(in) :: holder(:)
-    type(error_t), allocatable, intent(out) :: error
-    character(len=:), allocatable :: names
-    integer :: bit
-
-    if (all(cloud%side == 0)) then
-      call raise(error, status_bad_input, path//': no particle of the cloud is marked as '// &
-                 'a wall, so no temperature can be held: give its file a column ''wall'' with '// &
-                 '1 for the particles on the boundary.')
-      return
-    end if
-    if (all(cloud%side /= 0)) then
-      call raise(error, status_bad_input, path//': all '//to_text(cloud%particles())// &
-                 ' particles lie on the boundary: lower &domain spacing.')
-      return
-    end if
-    names = ''
-    do bit = 0, size(cloud%boundary) - 1
-      if (any(btest(cloud%side, bit) .and. holder == 0)) then
-        names = names//' '''//cloud%boundary(bit + 1)%value//''''
-      end if
-    end do
-    if (names /= '') then
-      call raise(error, status_bad_input, path//': nothing is said about the boundary'//names// &
-                 ': add a group &boundary with on, kind = ''temperature'' and value.')
-    end if
-  end subroutine check_walls
-
-  !> An expression must give a number everywhere.
-  subroutine check_values(expression, place, values, x, y, error)
-    character(len=*), intent(in) :: expression, place
-    real(wp), intent(in) :: values(:), x(:), y(:)
-    type(error_t), allocatable, intent(out) :: error
-    integer :: k
-
-    do k = 1, size(values)
-      if (ieee_is_finite(values(k))) cycle
-      call raise(error, status_bad_input, place//': the expression '''//expression// &
-                 ''' gives no number at ('//to_text(x(k), digits=6)//', '// &
-                 to_text(y(k), digits=6)//').')
-      return
-    end do
-  end subroutine check_values
-
   !> The temperature at the start, walls included, and the true temperature if it is known.
   subroutine start_temperature(this, error)
     class(simulation_t), intent(inout) :: this
     type(error_t), allocatable, intent(out) :: error
-    type(expression_t) :: initial
     real(wp), allocatable :: exact(:)
 
     associate (scene => this%scene, cloud => this%cloud)
       allocate (this%temperature(cloud%particles()), source=scene%initial_temperature)
       if (scene%initial_expression /= '') then
-        call compile_expression(scene%initial_expression, initial, error)
-        if (allocated(error)) return
-        call initial%evaluate(cloud%x, cloud%y, 0.0_wp, values=this%temperature)
-        call check_values(scene%initial_expression, scene%path//': &initial', &
-                          this%temperature, cloud%x, cloud%y, error)
+        call field_values(scene%initial_expression, scene%path//': &initial', cloud, &
+                          this%temperature, error)
         if (allocated(error)) return
       end if
       if (scene%exact_expression /= '') then
         call compile_expression(scene%exact_expression, this%exact, error)
         if (allocated(error)) return
-        allocate (exact(cloud%particles()))
-        call this%exact%evaluate(cloud%x, cloud%y, 0.0_wp, values=exact)
-        call check_values(scene%exact_expression, scene%path//': &scene', exact, cloud%x, &
-                          cloud%y, error)
+        call field_values(scene%exact_expression, scene%path//': &scene', cloud, exact, error)
         if (allocated(error)) return
       end if
       call this%conduction%note_range(this%temperature)

@@ -1,9 +1,7 @@
 !> Derivatives of a given field by any scheme on any cloud: `calor operators`.
 module calor_operator_study
-  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use calor_cloud, only: cloud_t
   use calor_error, only: error_t, raise, status_bad_input
-  use calor_expression, only: expression_t, compile_expression
   use calor_field_file, only: field_file_t
   use calor_gradient_scheme, only: gradient_scheme_t
   use calor_gradient_schemes, only: make_gradient_scheme
@@ -15,6 +13,7 @@ module calor_operator_study
   use calor_neighbour_list, only: neighbour_list_t, build_neighbour_list
   use calor_scene, only: scene_t
   use calor_scene_cloud, only: make_scene_cloud, require_neighbours
+  use calor_scene_values, only: field_values
   use calor_simulation_file, only: write_origin, check_target
   use calor_sparse_operator, only: sparse_operator_t
   implicit none (type, external)
@@ -76,7 +75,8 @@ contains
     if (allocated(error)) return
     call make_scene_cloud(scene, kernel, this%cloud, error)
     if (allocated(error)) return
-    call evaluate_expression(scene%operators%field_expression, this%cloud, this%field, error)
+    call field_values(scene%operators%field_expression, scene%path//': &operators', this%cloud, &
+                      this%field, error)
     if (allocated(error)) return
 
     allocate (radius(this%cloud%particles()), source=scene%support*this%cloud%spacing)
@@ -156,22 +156,24 @@ contains
     logical, intent(in) :: inside(:), whole(:)
     type(error_t), allocatable, intent(out) :: error
     real(wp), allocatable :: gradient(:, :), laplacian(:, :), column(:)
+    character(len=:), allocatable :: place
     integer :: k, n
 
     n = study%cloud%particles()
+    place = study%scene%path//': &operators'
     associate (asked => study%scene%operators)
       if (asked%exact_gradient_x /= '' .and. asked%exact_gradient_y /= '') then
         allocate (gradient(n, 2))
-        call evaluate_expression(asked%exact_gradient_x, study%cloud, column, error)
+        call field_values(asked%exact_gradient_x, place, study%cloud, column, error)
         if (allocated(error)) return
         gradient(:, 1) = column
-        call evaluate_expression(asked%exact_gradient_y, study%cloud, column, error)
+        call field_values(asked%exact_gradient_y, place, study%cloud, column, error)
         if (allocated(error)) return
         gradient(:, 2) = column
       end if
       if (asked%exact_laplacian /= '') then
         allocate (laplacian(n, 1))
-        call evaluate_expression(asked%exact_laplacian, study%cloud, column, error)
+        call field_values(asked%exact_laplacian, place, study%cloud, column, error)
         if (allocated(error)) return
         laplacian(:, 1) = column
       end if
@@ -202,23 +204,6 @@ contains
     norm = sqrt(sum(exact**2, mask))
     if (norm > 0) deviation = deviation/norm
   end function relative_error
-
-  subroutine evaluate_expression(text, cloud, values, error)
-    character(len=*), intent(in) :: text
-    type(cloud_t), intent(in) :: cloud
-    real(wp), allocatable, intent(out) :: values(:)
-    type(error_t), allocatable, intent(out) :: error
-    type(expression_t) :: expression
-
-    call compile_expression(text, expression, error)
-    if (allocated(error)) return
-    allocate (values(cloud%particles()))
-    call expression%evaluate(cloud%x, cloud%y, 0.0_wp, values=values)
-    if (.not. all(ieee_is_finite(values))) then
-      call raise(error, status_bad_input, 'The expression '''//text// &
-                 ''' gives no number at some particle.')
-    end if
-  end subroutine evaluate_expression
 
   subroutine write_study(this, error)
     class(operator_study_t), intent(in) :: this

@@ -52,7 +52,7 @@ contains
     if (size(real_parts) == 0) return
     ! LAPACK gives huge(1.0) where it has failed, and the bound takes its place.
     radius = upper_bound
-    if (maxval(abs(real_parts)) > 2*upper_bound) return
+    if (0.5_wp*maxval(abs(real_parts)) > upper_bound) return
     radius = min(safety*maxval(limiting(real_parts, imaginary_parts) + uncertainty), upper_bound)
   end function estimate_spectral_radius
 
