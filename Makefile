@@ -24,6 +24,8 @@ EXAMPLES ?= build/examples
 # Libraries that a program does not call are not tied to it.
 FPM_OPTIONS = --flag "$(strip $(FLAGS))" --link-flag "-Wl,--as-needed"
 FPM         = .venv/bin/fpm
+# After a failed compilation fpm would take the library's archive of before for the new one.
+OR_FORGET   = || { rm -f build/gfortran_*/calor/libcalor.a*; exit 1; }
 
 # set_up.sh puts a link to the serial HDF5's description there.
 export PKG_CONFIG_PATH := $(CURDIR)/build/pkgconfig:$(PKG_CONFIG_PATH)
@@ -38,7 +40,7 @@ help: ## list the targets
 
 build: set-up ## the program, at bin/calor (installs what is missing; the default)
 	@tools/drop_stale.sh
-	@$(FPM) run $(FPM_OPTIONS) --target calor --runner "tools/place.sh $(BIN)"
+	@$(FPM) run $(FPM_OPTIONS) --target calor --runner "tools/place.sh $(BIN)" $(OR_FORGET)
 
 run: build ## build, and run the heat problem data/plate.nml
 	$(BIN)/calor run data/plate.nml
@@ -47,7 +49,7 @@ examples: set-up ## the programs of example/, in build/examples
 	@tools/drop_stale.sh
 	@mkdir -p $(EXAMPLES)
 	@$(if $(wildcard example/*.f90),$(FPM) run $(FPM_OPTIONS) --example --all \
-	  --runner "tools/place.sh $(EXAMPLES)")
+	  --runner "tools/place.sh $(EXAMPLES)" $(OR_FORGET))
 
 test: build examples ## all tests; SUITE=text runs one suite, TEST="numbers as text" one test of it
 	@tools/drop_stale.sh

@@ -234,7 +234,7 @@ contains
     type(error_type), allocatable, intent(out) :: error
 
     call expect_refusal('unstable_scheme', [character(len=24) :: 'scheme double_gradient', &
-                                            'real part +', 'most near Particle'], error)
+                                            'real part +', 'most near particle'], error)
   end subroutine test_refusal
 
   ! 2. Singular tensors
@@ -275,7 +275,7 @@ contains
     if (allocated(error)) return
     call check_decay('near_wall', simulation, 0.0_wp, 0.2252_wp, 0.03_wp, error, inexact=1)
     if (allocated(error)) return
-    call expect_refusal('collinear', [character(len=24) :: 'Particle ', 'allow_inexact_rows'], &
+    call expect_refusal('collinear', [character(len=24) :: 'particle ', 'allow_inexact_rows'], &
                         error)
     if (allocated(error)) return
     call run_scene('collinear', simulation, error, allow_inexact_rows=.true.)

@@ -349,13 +349,13 @@ contains
     end associate
   end subroutine count_neighbours
 
-  !> 'Particle 12 at (0.1, 0.2)', in the user's numbers
+  !> 'particle 12 at (0.1, 0.2)', in the user's numbers
   pure function name_particle(this, particle) result(text)
     class(simulation_t), intent(in) :: this
     integer, intent(in) :: particle
     character(len=:), allocatable :: text
 
-    text = 'Particle '//to_text(this%cloud%user_index(particle))//' at ('// &
+    text = 'particle '//to_text(this%cloud%user_index(particle))//' at ('// &
            to_text(this%cloud%x(particle), digits=6)//', '// &
            to_text(this%cloud%y(particle), digits=6)//')'
   end function name_particle
@@ -400,10 +400,11 @@ contains
     inexact = count(this%repairs%repair >= inexact_stencil)
     if (inexact > 0 .and. .not. this%scene%allow_inexact_rows) then
       row = findloc(this%repairs%repair >= inexact_stencil, .true., dim=1)
-      subject = this%name_particle(this%conduction%laplacian%target(row))//' has'
+      subject = this%name_particle(this%conduction%laplacian%target(row))
       if (inexact > 1) then
-        subject = to_text(inexact)//' particles, the first of them '//subject(:len(subject) - 4)// &
-                  ', have'
+        subject = to_text(inexact)//' particles, the first of them '//subject//', have'
+      else
+        subject = 'P'//subject(2:)//' has'
       end if
       call raise(error, status_bad_numbers, &
                  subject//' neighbours that admit no stable row exact '// &
