@@ -152,23 +152,14 @@ contains
     character(len=:), allocatable :: text
 
     associate (report => simulation%report)
-      text = 'condition number at most '//condition_text(report%condition_gradient)
+      text = 'condition number '//spread_text(report%condition_gradient)
       if (any(report%condition_laplacian > 0)) then
-        text = text//' (first derivative) and '// &
-               condition_text(report%condition_laplacian)//' (second)'
+        text = text//' (first derivative) and '//spread_text(report%condition_laplacian)// &
+               ' (second)'
       end if
       text = text//'; singular at '//to_text(report%singular_rows())//' particles'
     end associate
   end function tensors
-
-  !> The largest condition number
-  pure function condition_text(conditions) result(text)
-    real(wp), intent(in) :: conditions(:)
-    character(len=:), allocatable :: text
-
-    text = 'infinite'
-    if (maxval(conditions) < 1.0e18_wp) text = to_text(maxval(conditions), digits=2)
-  end function condition_text
 
   function rows(simulation) result(text)
     type(simulation_t), intent(in) :: simulation
@@ -189,8 +180,22 @@ contains
     real(wp), intent(in) :: values(:)
     character(len=:), allocatable :: text
 
-    text = to_text(minval(values), digits=3)//' to '//to_text(maxval(values), digits=3)// &
-           ', median '//to_text(median(values), digits=3)
+    text = figure(minval(values))//' to '//figure(maxval(values))//', median '// &
+           figure(median(values))
+    if (.not. maxval(values) > minval(values)) text = figure(values(1))//' everywhere'
+
+  contains
+
+    !> A condition number of a singular system, or the quality of a row of the wrong sign, is beyond
+    !> all meaning.
+    pure function figure(value) result(number)
+      real(wp), intent(in) :: value
+      character(len=:), allocatable :: number
+
+      number = 'infinite'
+      if (value < 1.0e18_wp) number = to_text(value, digits=3)
+    end function figure
+
   end function spread_text
 
   !> The median by bisection of the range of values: no sorting, for it is only told.
