@@ -2,14 +2,16 @@
 !> back, and sets the exit status: 0 done, 2 wrong input, 3 the numbers went wrong, 4 a file could
 !> not be read or written.
 program main
-  use, intrinsic :: iso_fortran_env, only: output_unit, error_unit
-  use calor, only: error_t, raise, status_done, status_bad_input, text_t, text_list, to_text, &
-                   suggestion, choice_t, choice_names, version, scene_t, read_scene, simulation_t, &
+  use, intrinsic :: iso_fortran_env, only: error_unit
+  use calor, only: error_t, raise, status_done, status_bad_input, status_bad_file, text_t, &
+                   text_list, to_text, suggestion, choice_t, choice_names, version, scene_t, &
+                       read_scene, simulation_t, &
                    operator_study_t, describe_plan, describe_result, describe_derivatives, &
                    write_new_scene, contract_help, contract_groups, kernel_choices, &
                    laplacian_choices, gradient_choices, integrator_choices, arrangement_choices, &
                    skip_hdf5_cleanup, ignore_file_size_signal
   use run_progress, only: run_progress_t
+  use terminal, only: say, everything_said
   implicit none (type, external)
 
   !> What a user may ask for
@@ -31,18 +33,24 @@ program main
 
   type(error_t), allocatable :: error
   integer :: status
+  logical :: said
 
   ! A full disk shall end in a message of ours, neither in HDF5's own nor in a signal.
   call skip_hdf5_cleanup()
   call ignore_file_size_signal()
   call dispatch(error)
   status = status_done
+  said = .true.
   if (allocated(error)) then
-    flush (output_unit)
+    said = everything_said()
     write (error_unit, '(a)') 'calor: '//error%message
     status = error%status
   end if
-  flush (output_unit)
+  if (.not. everything_said()) said = .false.
+  if (.not. said .and. status == status_done) then
+    write (error_unit, '(a)') 'calor: standard output could not be written to: is the disk full?'
+    status = status_bad_file
+  end if
   call c_exit(int(status))
 
 contains
@@ -285,11 +293,5 @@ contains
       call say(lines(k)%value)
     end do
   end subroutine say_lines
-
-  subroutine say(line)
-    character(len=*), intent(in) :: line
-
-    write (output_unit, '(a)') line
-  end subroutine say
 
 end program main

@@ -1,7 +1,7 @@
 !> A line on the terminal for every state that a run reaches.
 module run_progress
-  use, intrinsic :: iso_fortran_env, only: output_unit
   use calor, only: observer_t, simulation_t, to_text
+  use terminal, only: say, everything_said
   implicit none (type, external)
   private
 
@@ -17,12 +17,14 @@ contains
   subroutine reached(this, simulation)
     class(run_progress_t), intent(inout) :: this
     type(simulation_t), intent(in) :: simulation
+    logical :: said
 
-    write (output_unit, '(a)') 't = '//to_text(simulation%time, digits=6)//' s   temperature '// &
-      to_text(minval(simulation%temperature), digits=6)//' to '// &
-      to_text(maxval(simulation%temperature), digits=6)//'   step '// &
-      to_text(simulation%stepper%steps)
-    flush (output_unit)
+    call say('t = '//to_text(simulation%time, digits=6)//' s   temperature '// &
+             to_text(minval(simulation%temperature), digits=6)//' to '// &
+             to_text(maxval(simulation%temperature), digits=6)//'   step '// &
+             to_text(simulation%stepper%steps))
+    ! Whoever watches sees it now; a failure is kept for the end.
+    said = everything_said()
   end subroutine reached
 
 end module run_progress

@@ -57,6 +57,7 @@ contains
                 new_unittest('run', test_run), &
                 new_unittest('check', test_check), &
                 new_unittest('operators', test_operators), &
+                new_unittest('standard output on a full disk', test_full_output), &
                 new_unittest('new', test_new), &
                 new_unittest('help and version', test_help), &
                 new_unittest('wrong calls', test_wrong_calls), &
@@ -116,6 +117,15 @@ contains
     call calor('check scene.nml', outcome)
     call expect_success(error, outcome, '20 of at most 0.001 s')
   end subroutine test_check
+
+  subroutine test_full_output(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(outcome_t) :: outcome
+
+    call start_over()
+    call run_command('("'//program_path()//'" --help > /dev/full)', folder//'../called', outcome)
+    call expect_failure(error, outcome, 4, 'standard output|full')
+  end subroutine test_full_output
 
   subroutine test_operators(error)
     type(error_type), allocatable, intent(out) :: error

@@ -45,6 +45,9 @@ contains
     if (allocated(error)) return
     call check(error, nearest_word('zzzzzz', text_list([character(9) :: 'support', 'spacing'])), '')
     if (allocated(error)) return
+    call check(error, nearest_word('fatehi', text_list([character(len=14) :: 'brookshaw', &
+                                                        'fatehi_manzari'])), 'fatehi_manzari')
+    if (allocated(error)) return
     call check(error, join(text_list(['a', 'b']), ', '), 'a, b')
     if (allocated(error)) return
     call check(error, lower_case('AbZ'), 'abz')

@@ -173,6 +173,12 @@ contains
     integer :: k, distance, least
 
     nearest = ''
+    ! The beginning of a word is near to it, however much is missing.
+    do k = 1, size(known)
+      if (len(word) < 3 .or. nearest /= '') exit
+      if (index(known(k)%value, lower_case(word)) == 1) nearest = known(k)%value
+    end do
+    if (nearest /= '') return
     least = max(2, len(word)/2) + 1
     do k = 1, size(known)
       distance = edit_distance(lower_case(word), known(k)%value)
