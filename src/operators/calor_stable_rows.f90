@@ -97,36 +97,38 @@ contains
     call measure_rows(laplacian, x, y, radius, 2, quality)
     poor = is_poor(quality%ratio, quality%residual, quality%stiffness, largest_residual, &
                    largest_stiffness)
-    if (any(poor)) then
-      first_radius = radius(targets)
-      failed = pack([(int(k, ip), k=1, size(targets))], poor)
-      repairs%repair(failed) = support_grown
-      call grow(scheme, kernel, x, y, volume, radius, targets, 0, largest_residual, failed)
-      repairs%repair(failed) = positive_stencil
-      radius(targets(failed)) = first_radius(failed)/growth
-      call grow(positive_t(), kernel, x, y, volume, radius, targets, 0, largest_residual, failed)
-      radius(targets(failed)) = first_radius(failed)/growth
-      call grow(positive_t(), kernel, x, y, volume, radius, targets, 0, largest_residual, failed, &
-                allowed_stiffness=most_stiffness)
-      repairs%repair(failed) = inexact_stencil
-      radius(targets(failed)) = first_radius(failed)/growth
-      call grow(positive_t(relaxed=.true.), kernel, x, y, volume, radius, targets, &
-                enough_neighbours, huge(1.0_wp), failed)
-      radius(targets(failed)) = first_radius(failed)/growth
-      call grow(positive_t(relaxed=.true.), kernel, x, y, volume, radius, targets, &
-                enough_neighbours, huge(1.0_wp), failed, allowed_stiffness=huge(1.0_wp))
-      repairs%repair(failed) = no_stencil
-      radius(targets(failed)) = first_radius(failed)
-      call build_neighbour_list(x, y, radius(targets), list, targets)
-      call scheme%assemble(kernel, x, y, volume, radius, list, laplacian, report)
-      call replace_rows(positive_t(), kernel, x, y, volume, radius, &
-                        repairs%repair == positive_stencil, laplacian)
-      call replace_rows(positive_t(relaxed=.true.), kernel, x, y, volume, radius, &
-                        repairs%repair == inexact_stencil, laplacian)
-      do k = 1, size(targets)
-        if (repairs%repair(k) == no_stencil) call scale_row(laplacian, k, 0.0_wp)
-      end do
+    if (.not. any(poor)) then
+      repairs%quality = quality
+      return
     end if
+    first_radius = radius(targets)
+    failed = pack([(int(k, ip), k=1, size(targets))], poor)
+    repairs%repair(failed) = support_grown
+    call grow(scheme, kernel, x, y, volume, radius, targets, 0, largest_residual, failed)
+    repairs%repair(failed) = positive_stencil
+    radius(targets(failed)) = first_radius(failed)/growth
+    call grow(positive_t(), kernel, x, y, volume, radius, targets, 0, largest_residual, failed)
+    radius(targets(failed)) = first_radius(failed)/growth
+    call grow(positive_t(), kernel, x, y, volume, radius, targets, 0, largest_residual, failed, &
+              allowed_stiffness=most_stiffness)
+    repairs%repair(failed) = inexact_stencil
+    radius(targets(failed)) = first_radius(failed)/growth
+    call grow(positive_t(relaxed=.true.), kernel, x, y, volume, radius, targets, &
+              enough_neighbours, huge(1.0_wp), failed)
+    radius(targets(failed)) = first_radius(failed)/growth
+    call grow(positive_t(relaxed=.true.), kernel, x, y, volume, radius, targets, &
+              enough_neighbours, huge(1.0_wp), failed, allowed_stiffness=huge(1.0_wp))
+    repairs%repair(failed) = no_stencil
+    radius(targets(failed)) = first_radius(failed)
+    call build_neighbour_list(x, y, radius(targets), list, targets)
+    call scheme%assemble(kernel, x, y, volume, radius, list, laplacian, report)
+    call replace_rows(positive_t(), kernel, x, y, volume, radius, &
+                      repairs%repair == positive_stencil, laplacian)
+    call replace_rows(positive_t(relaxed=.true.), kernel, x, y, volume, radius, &
+                      repairs%repair == inexact_stencil, laplacian)
+    do k = 1, size(targets)
+      if (repairs%repair(k) == no_stencil) call scale_row(laplacian, k, 0.0_wp)
+    end do
     call measure_rows(laplacian, x, y, radius, 2, repairs%quality)
     if (all(repairs%repair /= inexact_stencil)) return
     do k = 1, size(targets)

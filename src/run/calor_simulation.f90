@@ -213,20 +213,33 @@ contains
   subroutine write_row_fields(this, file)
     class(simulation_t), intent(in) :: this
     type(simulation_file_t), intent(inout) :: file
-    integer :: n
+    integer :: k, n
 
     if (.not. file%in_use) return
     n = this%cloud%particles()
     associate (target => this%conduction%laplacian%target, quality => this%repairs%quality)
-      ! Held particles have no row: 0, but for the support radius
-      call file%write_static('row_quality', unpacked(min(quality%ratio, 1.0e6_wp), target, n))
-      call file%write_static('row_repair', unpacked(real(this%repairs%repair, wp), target, n))
-      call file%write_static('neighbours', unpacked(real(quality%neighbours, wp), target, n))
-      call file%write_static('support_radius', this%radius)
-      call file%write_static('condition_gradient', &
-                             unpacked(this%report%condition_gradient, target, n))
-      call file%write_static('condition_laplacian', &
-                             unpacked(this%report%condition_laplacian, target, n))
+      do k = 1, size(this%scene%output%fields)
+        ! Held particles have no row: 0, but for the support radius
+        associate (name => this%scene%output%fields(k)%value)
+          select case (name)
+          case ('row_quality')
+            call file%write_static(name, unpacked(min(quality%ratio, 1.0e6_wp), target, n))
+          case ('row_repair')
+            call file%write_static(name, unpacked(real(this%repairs%repair, wp), target, n))
+          case ('neighbours')
+            call file%write_static(name, unpacked(real(quality%neighbours, wp), target, n))
+          case ('support_radius')
+            call file%write_static(name, this%radius)
+          case ('condition_gradient')
+            call file%write_static(name, unpacked(this%report%condition_gradient, target, n))
+          case ('condition_laplacian')
+            call file%write_static(name, unpacked(this%report%condition_laplacian, target, n))
+          case default
+            ! A field that changes with time: `write_state` writes it
+            continue
+          end select
+        end associate
+      end do
     end associate
   end subroutine write_row_fields
 

@@ -31,7 +31,7 @@ module calor_simulation_file
   contains
     !> Create the file with all that does not change
     procedure :: open => open_file
-    !> Write a field that does not change, if the scene asks for it
+    !> Write a field that does not change
     procedure :: write_static
     !> Append a state
     procedure :: write_state
@@ -148,14 +148,9 @@ contains
     character(len=*), intent(in) :: name
     !> Its values in the cloud's order
     real(wp), intent(in) :: values(:)
-    integer :: k
 
     if (.not. this%in_use .or. allocated(this%pending)) return
-    do k = 1, size(this%fields)
-      if (this%fields(k)%value /= name) cycle
-      call this%file%add_static(name, values(this%place), this%pending)
-      return
-    end do
+    call this%file%add_static(name, values(this%place), this%pending)
   end subroutine write_static
 
   subroutine write_state(this, time, temperature, exact, error)

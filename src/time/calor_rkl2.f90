@@ -112,12 +112,12 @@ contains
     integer, intent(in) :: stages
     real(wp), intent(in) :: step
     logical :: is_stable
-    real(wp), allocatable :: v(:), rate_start(:), rate(:), older(:), newer(:), latest(:)
-    real(wp) :: c(4), before
-    integer :: k, j, n, i
+    real(wp), allocatable :: v(:), rate_start(:), rate(:), stage(:, :)
+    real(wp) :: before
+    integer :: k, j, n, i, older, newer
 
     n = evolution%unknowns()
-    allocate (v(n), rate_start(n), rate(n), older(n), newer(n), latest(n))
+    allocate (v(n), rate_start(n), rate(n), stage(n, 2))
     do k = 1, n
       v(k) = random_uniform(5, int(k, i8)) - 0.5_wp
     end do
@@ -131,23 +131,20 @@ contains
       do i = 1, n
         v(i) = v(i)/before
         rate_start(i) = rate_start(i)/before
-        older(i) = v(i)
-        newer(i) = v(i) + first_place(stages)*step*rate_start(i)
+        stage(i, 1) = v(i)
+        stage(i, 2) = v(i) + first_place(stages)*step*rate_start(i)
       end do
       !$omp end parallel do
+      older = 1
+      newer = 2
       do j = 2, stages
-        call evolution%jacobian_product(newer, rate)
-        c = coefficients(j, stages)
-        !$omp parallel do if (n > worth_threads) schedule(static) default(shared) private(i)
-        do i = 1, n
-          latest(i) = c(1)*newer(i) + c(2)*older(i) + (1 - c(1) - c(2))*v(i) + &
-                      step*(c(3)*rate(i) + c(4)*rate_start(i))
-          older(i) = newer(i)
-          newer(i) = latest(i)
-        end do
-        !$omp end parallel do
+        call evolution%jacobian_product(stage(:, newer), rate)
+        call next_stage(coefficients(j, stages), step, v, rate_start, stage(:, newer), rate, &
+                        stage(:, older))
+        newer = older
+        older = 3 - newer
       end do
-      v = newer
+      v = stage(:, newer)
       before = root_mean_square(v)
       ! More than that would amplify rounding errors, whatever becomes of it later.
       if (before > 1.0e4_wp) exit
@@ -174,6 +171,27 @@ contains
     c(4) = -(1 - weight_b(j - 1))*c(3)
   end function coefficients
 
+  !> The stage after `newer`; it takes the place of `older`, the one before, which is no longer
+  !> needed once it has entered.
+  subroutine next_stage(c, step, u, rate_start, newer, rate, older)
+    !> From `coefficients`
+    real(wp), intent(in) :: c(4)
+    real(wp), intent(in) :: step
+    !> Stage 0 and its rate
+    real(wp), intent(in), contiguous :: u(:), rate_start(:)
+    !> The last stage and its rate
+    real(wp), intent(in), contiguous :: newer(:), rate(:)
+    real(wp), intent(inout), contiguous :: older(:)
+    integer :: k
+
+    !$omp parallel do if (size(u) > worth_threads) schedule(static) default(shared) private(k)
+    do k = 1, size(u)
+      older(k) = c(1)*newer(k) + c(2)*older(k) + (1 - c(1) - c(2))*u(k) + &
+                 step*(c(3)*rate(k) + c(4)*rate_start(k))
+    end do
+    !$omp end parallel do
+  end subroutine next_stage
+
   pure function estimates_error(this) result(answer)
     class(rkl2_t), intent(in) :: this
     logical :: answer
@@ -189,7 +207,7 @@ contains
     real(wp), intent(in) :: u(:)
     real(wp), intent(out) :: u_next(:)
     real(wp), intent(out) :: local_error
-    real(wp) :: w1, c(4), third, place
+    real(wp) :: w1, third, place
     integer :: stages, j, k, older, newer
 
     if (.not. allocated(this%stage)) then
@@ -217,15 +235,8 @@ contains
 
     do j = 2, stages
       call evolution%rate(time + place*step, this%stage(:, newer), this%rate_stage)
-      c = coefficients(j, stages)
-      !$omp parallel do if (size(u) > worth_threads) schedule(static) default(shared) private(k)
-      do k = 1, size(u)
-        ! The stage before the last is no longer needed once it has entered here.
-        this%stage(k, older) = c(1)*this%stage(k, newer) + c(2)*this%stage(k, older) + &
-                               (1 - c(1) - c(2))*u(k) + step*(c(3)*this%rate_stage(k) + &
-                                                              c(4)*this%rate_start(k))
-      end do
-      !$omp end parallel do
+      call next_stage(coefficients(j, stages), step, u, this%rate_start, this%stage(:, newer), &
+                      this%rate_stage, this%stage(:, older))
       place = (real(j, wp)**2 + j - 2)*w1/4
       call evolution%impose(time + place*step, this%stage(:, older))
       newer = older
