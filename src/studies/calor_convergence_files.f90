@@ -232,9 +232,9 @@ contains
                trim(study%cloud_name(cloud))//'"'//end
     end if
     if (way == fixed_spacing .and. cloud == regular_cloud) then
-      script = script//'set key at screen 0.995,'//to_text(tops(cloud, family))// &
-               ' right top Left reverse noenhanced samplen 2 spacing 1.5'//end// &
-               'set label "grey lines:\norders of convergence" at screen 0.755,'// &
+      script = script//'set key at screen 0.74,'//to_text(tops(cloud, family))// &
+               ' left top Left reverse noenhanced samplen 2 spacing 1.5'//end// &
+               'set label "grey lines:\norders of convergence" at screen 0.75,'// &
                to_text(tops(cloud, family) - high)//' left font ",14" textcolor "#555555"'//end
     end if
     script = script//'plot'
@@ -246,7 +246,7 @@ contains
       associate (style => 1 + mod(number - 1, size(colours)))
         script = script//' '//block_name(family, cloud, way, k)// &
                  ' using 1:2 with linespoints linecolor rgb "'//colours(style)// &
-                 '" linewidth '//to_text(max(1.0_wp, 3.5_wp - 0.5_wp*number))// &
+                 '" linewidth '//to_text(max(1.5_wp, 5.0_wp - 0.7_wp*number))// &
                  ' pointtype '//to_text(symbols(style))//' pointsize '// &
                  to_text(symbol_sizes(style))//' title "'//study%schemes(k)%label()//'"'
       end associate
@@ -307,7 +307,7 @@ contains
     integer, intent(in) :: way
     real(wp), intent(in) :: x(2), y(2)
     character(len=:), allocatable :: script
-    integer, parameter :: orders(2, 3) = reshape([1, 2, 1, 2, -1, -3], [2, 3])
+    integer, parameter :: orders(2, 3) = reshape([1, 2, 1, 3, -1, -3], [2, 3])
     real(wp) :: from(2), to(2), lift
     integer :: k
 
@@ -342,12 +342,12 @@ contains
       select case (way)
       case (fixed_ratio)
         what = 'a: finer, as many neighbours'
-        how = 'h = '//to_text(levels(1)%radius/levels(1)%spacing, digits=3)//' distances'
+        how = 'h: '//to_text(levels(1)%radius/levels(1)%spacing, digits=3)//' particle distances'
       case (growing_ratio)
         what = 'b: finer, more neighbours'
-        how = 'h from '//to_text(levels(1)%radius/levels(1)%spacing, digits=3)//' to '// &
+        how = 'h: '//to_text(levels(1)%radius/levels(1)%spacing, digits=3)//' to '// &
               to_text(levels(size(levels))%radius/levels(size(levels))%spacing, digits=3)// &
-              ' distances'
+              ' particle distances'
       case default
         what = 'c: as fine, fewer neighbours'
         how = 'particles '//to_text(levels(1)%spacing, digits=2)//' m apart'

@@ -53,7 +53,7 @@ module calor_convergence_schemes
     procedure :: assemble
   end type study_scheme_t
 
-  !> What is known; the order 0 stands for a scheme that has but one
+  !> What is known of the schemes with one order
   type(study_scheme_t), parameter :: known(*) = [ &
       study_scheme_t(1, 'standard', 0, .true., -1, -1, 1, .false., 0.0_wp), &
       study_scheme_t(1, 'difference', 0, .true., 0, 0, 1, .false., 0.0_wp), &
@@ -83,23 +83,33 @@ contains
     end do
   end function study_schemes
 
-  !> The pairs of one scheme: a scheme that has several orders gets a case of its own here.
+  !> The pairs of one scheme; none if its name alone does not make it.
   function pairs(family, name) result(schemes)
     integer, intent(in) :: family
     character(len=*), intent(in) :: name
     type(study_scheme_t), allocatable :: schemes(:)
-    class(laplacian_scheme_t), allocatable :: scheme
+    class(gradient_scheme_t), allocatable :: gradient
+    class(laplacian_scheme_t), allocatable :: laplacian
     type(error_t), allocatable :: impossible
     integer :: k
 
-    schemes = pack(known, known%family == family .and. known%name == name)
-    if (size(schemes) > 0) return
-    schemes = [study_scheme_t(family=family, name=name)]
-    if (family /= laplacian_family) return
-    call make_laplacian_scheme(trim(name), scheme, impossible)
-    do k = 1, size(schemes)
-      schemes(k)%exact_degree = scheme%exact_degree()
-    end do
+    select case (name)
+    case ('consistent')
+      ! Exact for polynomials of its order, from a support that gives it enough neighbours
+      schemes = [(study_scheme_t(family, name, k, .true., k, k, 1, .false., 0.5_wp*k + 0.6_wp), &
+                  k=2, 8, 2)]
+    case default
+      schemes = pack(known, known%family == family .and. known%name == name)
+      if (size(schemes) > 0) return
+      schemes = [study_scheme_t(family=family, name=name)]
+      if (family == gradient_family) then
+        call make_gradient_scheme(trim(name), gradient, impossible)
+      else
+        call make_laplacian_scheme(trim(name), laplacian, impossible)
+        if (.not. allocated(impossible)) schemes%exact_degree = laplacian%exact_degree()
+      end if
+      if (allocated(impossible)) schemes = schemes(1:0)
+    end select
   end function pairs
 
   pure function label(this) result(text)

@@ -132,7 +132,7 @@ module calor_convergence_study
   type :: tally_t
     integer :: rows = 0
     real(wp) :: neighbours = 0, error = 0, total = 0, remainder = 0, exact = 0, second = 0
-    real(wp) :: rounding = 0
+    real(wp) :: rounding = 0, field = 0
     real(wp), allocatable :: term(:)
   end type tally_t
 
@@ -532,6 +532,7 @@ contains
                      sum(derivatives(derivative_index(2, 0), :)**2 + &
                          2*derivatives(derivative_index(1, 1), :)**2 + &
                          derivatives(derivative_index(0, 2), :)**2)
+      tally%field = tally%field + sum(sample%u(target)**2)
       tally%rows = tally%rows + size(target)
       tally%neighbours = tally%neighbours + size(list%index)
     end associate
@@ -546,8 +547,9 @@ contains
     type(convergence_curve_t), intent(inout) :: curve
     !> The field has no derivative to speak of
     type(error_t), allocatable, intent(out) :: error
-    !> A Laplacian smaller than this part of the second derivatives is that of a harmonic field
-    real(wp), parameter :: harmonic = 1.0e-6_wp
+    !> A Laplacian smaller than this part of the second derivatives is that of a harmonic field, and
+    !> a derivative smaller than this part of the field over the domain's width is none
+    real(wp), parameter :: negligible = 1.0e-6_wp
     real(wp) :: size_of_exact
     integer :: k, level
 
@@ -555,12 +557,12 @@ contains
       associate (tally => tallies(level), found => curve%level(level))
         size_of_exact = sqrt(tally%exact)
         if (family == 2) then
-          if (size_of_exact <= harmonic*sqrt(tally%second)) size_of_exact = sqrt(tally%second)
+          if (size_of_exact <= negligible*sqrt(tally%second)) size_of_exact = sqrt(tally%second)
         end if
-        if (.not. size_of_exact > 0) then
-          call raise(error, status_bad_input, 'the derivatives of the field '''//field%text// &
-                     ''' vanish, so there is nothing to measure: give &operators another '// &
-                     'field_expression.')
+        if (size_of_exact <= negligible*sqrt(tally%field)/field%width**family) then
+          call raise(error, status_bad_input, trim(merge('first ', 'second', family == 1))// &
+                     ' derivatives of the field '''//field%text//''' vanish, so there is '// &
+                     'nothing to measure: give &operators another field_expression.')
           return
         end if
         found%rows = tally%rows
