@@ -4,7 +4,7 @@ module terminal
   implicit none (type, external)
   private
 
-  public :: say, everything_said
+  public :: say, say_in_place, everything_said
 
   interface
     !> Write a text and an end of line
@@ -15,6 +15,22 @@ module terminal
       character(kind=c_char), intent(in) :: text(*)
       integer(c_int) :: status
     end function c_puts
+
+    !> Write a character
+    function c_putchar(letter) bind(c, name='putchar') result(status)
+      import :: c_int
+      implicit none (type, external)
+      integer(c_int), intent(in), value :: letter
+      integer(c_int) :: status
+    end function c_putchar
+
+    !> Whether an open file is a terminal
+    function c_isatty(descriptor) bind(c, name='isatty') result(answer)
+      import :: c_int
+      implicit none (type, external)
+      integer(c_int), intent(in), value :: descriptor
+      integer(c_int) :: answer
+    end function c_isatty
 
     !> Bring what was written on its way; a null pointer means all files
     function c_fflush(file) bind(c, name='fflush') result(status)
@@ -36,6 +52,25 @@ contains
     ! What fails here is kept by C and comes to light below.
     status = c_puts(line//c_null_char)
   end subroutine say
+
+  !> Show a short line in the place of the one that was last shown so; nothing where nobody
+  !> watches, which is where standard output is no terminal.
+  subroutine say_in_place(line)
+    !> The line, without an end; '' leaves an empty one
+    character(len=*), intent(in) :: line
+    integer, parameter :: room = 60
+    integer(c_int), parameter :: standard_output = 1
+    character(len=:), allocatable :: letters
+    integer(c_int) :: status
+    integer :: k
+
+    if (c_isatty(standard_output) == 0) return
+    letters = achar(13)//repeat(' ', room)//achar(13)//line
+    do k = 1, len(letters)
+      status = c_putchar(iachar(letters(k:k), c_int))
+    end do
+    status = c_fflush(c_null_ptr)
+  end subroutine say_in_place
 
   !> Whether all that was said so far could be written.
   function everything_said() result(answer)

@@ -6,6 +6,11 @@ module calor
   use calor_cloud_check, only: check_cloud
   use calor_cloud_file, only: read_cloud_file
   use calor_constants, only: pi
+  use calor_convergence_description, only: describe_convergence, convergence_document
+  use calor_convergence_files, only: write_convergence, draw_convergence, &
+                                     check_convergence_files, convergence_table_file, &
+                                     convergence_pictures
+  use calor_convergence_study, only: convergence_study_t, convergence_watcher_t
   use calor_description, only: describe_plan, describe_result
   use calor_error, only: error_t, raise, status_done, status_bad_input, status_bad_numbers, &
                          status_bad_file
@@ -13,6 +18,7 @@ module calor
   use calor_expression, only: expression_t, compile_expression
   use calor_field_file, only: field_file_t
   use calor_file_system, only: ignore_file_size_signal
+  use calor_gnuplot, only: draw_picture, run_gnuplot
   use calor_gradient_scheme, only: gradient_scheme_t
   use calor_gradient_schemes, only: gradient_choices, make_gradient_scheme
   use calor_hdf5, only: skip_hdf5_cleanup
@@ -44,6 +50,7 @@ module calor
   use calor_text, only: text_t, text_list, to_text, suggestion
   use calor_version, only: version
   use calor_volume, only: volumes_from_kernel
+  use calor_whole_file, only: write_whole_file
   implicit none (type, external)
   public
 end module calor

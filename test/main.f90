@@ -7,6 +7,7 @@ program main
   use calor_hdf5, only: skip_hdf5_cleanup
   use testdrive, only: run_testsuite, new_testsuite, testsuite_type, select_suite, run_selected
   use test_consistent, only: collect_consistent
+  use test_convergence_study, only: collect_convergence_study
   use test_documents, only: collect_documents
   use test_error_estimate, only: collect_error_estimate
   use test_expression, only: collect_expression
@@ -14,6 +15,7 @@ program main
   use test_scene_file, only: collect_scene_file
   use test_cloud_file, only: collect_cloud_file
   use test_field_file, only: collect_field_file
+  use test_gnuplot, only: collect_gnuplot
   use test_hard_cases, only: collect_hard_cases
   use test_heat, only: collect_heat
   use test_operators, only: collect_operators
@@ -38,6 +40,7 @@ program main
            new_testsuite('scene file', collect_scene_file), &
            new_testsuite('scene contract', collect_scene_contract), &
            new_testsuite('field file', collect_field_file), &
+           new_testsuite('gnuplot', collect_gnuplot), &
            new_testsuite('cloud file', collect_cloud_file), &
            new_testsuite('operators', collect_operators), &
            new_testsuite('time', collect_time), &
@@ -46,6 +49,7 @@ program main
            new_testsuite('heat', collect_heat), &
            new_testsuite('error estimate', collect_error_estimate), &
            new_testsuite('hard cases', collect_hard_cases), &
+           new_testsuite('convergence study', collect_convergence_study), &
            new_testsuite('kernels', collect_kernels), &
            new_testsuite('neighbour list', collect_neighbour_list), &
            new_testsuite('random', collect_random), &
