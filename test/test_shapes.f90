@@ -997,6 +997,13 @@ contains
     call expect(error, failure, 'nothing is said about the boundary')
     if (allocated(error)) return
     call check(error, index(failure%message, '''hole 1''') > 0, failure%message)
+    if (allocated(error)) return
+    ! A short edge that makes no corner lies between two particles
+    call interpret_scene('&domain shape = ''polygon'' spacing = 0.2 vertices = 0,0, 0.5,0, '// &
+                         '0.52,0, 1,0, 1,1, 0,1 / &time end = 1 / '//outer// &
+                         '&boundary on = ''edge 2'' value = 0 /', scene, failure)
+    call simulation%prepare(scene, failure)
+    call expect(error, failure, 'no particle lies on ''edge 2'': lower')
   end subroutine test_held
 
   subroutine test_reorder(error)

@@ -53,7 +53,7 @@ contains
     free = [(int(k, ip), k=fixed + 1, size(x))]
     allocate (clearance(size(free)), source=0.0_wp)
     allocate (way_x(size(free)), way_y(size(free)))
-    since_listed = huge(since_listed)
+    since_listed = listed*spacing
     do sweep = 1, most_sweeps
       ! Two particles may each have come nearer by all that they have moved
       if (2*since_listed > (listed - reach)*spacing) then
