@@ -4,7 +4,7 @@ module calor_lapack
   implicit none (type, external)
   private
 
-  public :: dgesv, dgelss, dpotrf, dpotrs, dsyev
+  public :: dgesv, dgelss, dpstrf, dpotrs
 
   interface
     !> Solve A X = B by LU factorisation with partial pivoting
@@ -28,17 +28,20 @@ module calor_lapack
       real(wp), intent(out) :: work(lwork)
     end subroutine dgelss
 
-    !> Cholesky factorisation of a symmetric positive definite matrix
-    subroutine dpotrf(uplo, n, a, lda, info)
+    !> Pivoted Cholesky factorisation of a symmetric positive semidefinite matrix, as far as pivots
+    !> exceed a tolerance
+    subroutine dpstrf(uplo, n, a, lda, piv, rank, tol, work, info)
       import :: wp
       implicit none (type, external)
       character(len=1), intent(in) :: uplo
       integer, intent(in) :: n, lda
       real(wp), intent(inout) :: a(lda, n)
-      integer, intent(out) :: info
-    end subroutine dpotrf
+      integer, intent(out) :: piv(n), rank, info
+      real(wp), intent(in) :: tol
+      real(wp), intent(out) :: work(2*n)
+    end subroutine dpstrf
 
-    !> Solve A X = B with the factor of dpotrf
+    !> Solve A X = B with a Cholesky factor of A
     subroutine dpotrs(uplo, n, nrhs, a, lda, b, ldb, info)
       import :: wp
       implicit none (type, external)
@@ -48,17 +51,6 @@ module calor_lapack
       real(wp), intent(inout) :: b(ldb, nrhs)
       integer, intent(out) :: info
     end subroutine dpotrs
-
-    !> Eigenvalues, ascending, and eigenvectors of a symmetric matrix
-    subroutine dsyev(jobz, uplo, n, a, lda, w, work, lwork, info)
-      import :: wp
-      implicit none (type, external)
-      character(len=1), intent(in) :: jobz, uplo
-      integer, intent(in) :: n, lda, lwork
-      real(wp), intent(inout) :: a(lda, n)
-      real(wp), intent(out) :: w(n), work(lwork)
-      integer, intent(out) :: info
-    end subroutine dsyev
   end interface
 
 end module calor_lapack

@@ -50,7 +50,7 @@ contains
     class(consistent_t), intent(in) :: this
     type(row_rule_t) :: rule
 
-    rule%largest_ratio = max(1.2_wp, this%order**2/8.0_wp)
+    rule%largest_ratio = max(1.2_wp, 0.5_wp*this%order, this%order**2/8.0_wp)
     rule%largest_stiffness = 12.0_wp
     rule%growth = 1.1_wp
     rule%most_neighbours = 20*monomials(this%exact_degree())

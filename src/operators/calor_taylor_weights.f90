@@ -10,7 +10,7 @@
 module calor_taylor_weights
   use calor_constants, only: pi
   use calor_kinds, only: wp
-  use calor_lapack, only: dpotrf, dpotrs, dsyev
+  use calor_lapack, only: dpstrf, dpotrs
   use calor_stencil, only: stencil_t
   implicit none (type, external)
   private
@@ -28,8 +28,8 @@ module calor_taylor_weights
   !> Neighbours nearer than this part of the mean distance between neighbours count as if they were
   !> that far away: otherwise a pair that nearly touches would carry the row alone
   real(wp), parameter :: nearest = 0.5_wp
-  !> A matrix scaled to a diagonal of ones counts as singular when a square of a Cholesky pivot, or
-  !> an eigenvalue as a part of the largest, is below this
+  !> A matrix scaled to a diagonal of ones counts as singular when a pivot of its Cholesky
+  !> factorisation is below this
   real(wp), parameter :: smallest_pivot = 1.0e-12_wp
 
 contains
@@ -52,8 +52,9 @@ contains
 
   !> Find the weights.
   !>
-  !> Where the neighbours do not determine them, as on a lattice of few neighbours, the weights are
-  !> the minimum-norm least-squares solution, and the residual tells whether it is one.
+  !> Where monomials depend on each other at the neighbours, as x⁵ on x and x³ on a lattice, M is
+  !> singular. The independent ones, found by pivoting, then give the weights of least norm; the
+  !> residual tells whether they reproduce the others too.
   subroutine taylor_weights(stencil, degree, wanted, weight, condition)
     !> The particle's stencil; its `residual` becomes the largest error of a moment in units of the
     !> support radius
@@ -66,22 +67,16 @@ contains
     real(wp), intent(out) :: weight(:, :)
     !> An estimate of the condition number of M; huge(1.0) where M is singular
     real(wp), intent(out) :: condition
-    real(wp) :: omega(stencil%n), matrix(most, most), scaling(most), factor(most, most)
-    real(wp) :: eigenvalue(most), moment(most), coefficient(most)
-    integer :: m, column, time, info
-    logical :: singular
+    real(wp) :: omega(stencil%n), matrix(most, most), scaling(most), work(2*most)
+    real(wp) :: moment(most), coefficient(most)
+    integer :: m, column, time, info, rank, pivot(most)
 
     m = monomials(degree)
     call weighting(stencil, omega)
     call moment_matrix(stencil, omega, degree, matrix, scaling)
-    factor(1:m, 1:m) = matrix(1:m, 1:m)
-    call dpotrf('L', m, factor, most, info)
-    singular = info /= 0
-    if (.not. singular) then
-      condition = 1/smallest_diagonal(factor, m)**2
-      singular = condition > 1/smallest_pivot
-    end if
-    if (singular) call decompose(matrix, m, factor, eigenvalue, condition)
+    call dpstrf('L', m, matrix, most, pivot, rank, smallest_pivot, work, info)
+    condition = huge(1.0_wp)
+    if (rank == m) condition = (matrix(1, 1)/matrix(m, m))**2
 
     stencil%residual = 0
     do column = 1, size(wanted, 2)
@@ -90,11 +85,10 @@ contains
       do time = 1, 2
         call moments(stencil, weight(:, column), degree, moment)
         coefficient(1:m) = (wanted(1:m, column) - moment(1:m))*scaling(1:m)
-        if (singular) then
-          call pseudo_solve(factor, eigenvalue, m, coefficient)
-        else
-          call dpotrs('L', m, 1, factor, most, coefficient, most, info)
-        end if
+        work(1:rank) = coefficient(pivot(1:rank))
+        call dpotrs('L', rank, 1, matrix, most, work, most, info)
+        coefficient(1:m) = 0
+        coefficient(pivot(1:rank)) = work(1:rank)
         coefficient(1:m) = coefficient(1:m)*scaling(1:m)
         call add_polynomial(stencil, omega, degree, coefficient, weight(:, column))
       end do
@@ -157,52 +151,6 @@ contains
       end do
     end do
   end subroutine moment_matrix
-
-  pure function smallest_diagonal(factor, m) result(smallest)
-    real(wp), intent(in) :: factor(:, :)
-    integer, intent(in) :: m
-    real(wp) :: smallest
-    integer :: k
-
-    smallest = factor(1, 1)
-    do k = 2, m
-      smallest = min(smallest, factor(k, k))
-    end do
-  end function smallest_diagonal
-
-  !> Eigenvectors and eigenvalues of M, for its pseudo-inverse.
-  subroutine decompose(matrix, m, vectors, eigenvalue, condition)
-    real(wp), intent(in) :: matrix(:, :)
-    integer, intent(in) :: m
-    real(wp), intent(out) :: vectors(:, :), eigenvalue(:)
-    !> Ratio of the largest to the smallest eigenvalue; huge(1.0) where that is not positive
-    real(wp), intent(out) :: condition
-    real(wp) :: work(8*most)
-    integer :: info
-
-    vectors(1:m, 1:m) = matrix(1:m, 1:m)
-    call dsyev('V', 'L', m, vectors, size(vectors, 1), eigenvalue, work, size(work), info)
-    if (info /= 0) eigenvalue(1:m) = 0
-    condition = huge(1.0_wp)
-    if (eigenvalue(1) > eigenvalue(m)/huge(1.0_wp)) condition = eigenvalue(m)/eigenvalue(1)
-  end subroutine decompose
-
-  !> Multiply with the pseudo-inverse.
-  pure subroutine pseudo_solve(vectors, eigenvalue, m, x)
-    real(wp), intent(in) :: vectors(:, :), eigenvalue(:)
-    integer, intent(in) :: m
-    real(wp), intent(inout) :: x(:)
-    real(wp) :: solution(m)
-    integer :: k
-
-    solution = 0
-    do k = m, 1, -1
-      if (.not. eigenvalue(k) > smallest_pivot*eigenvalue(m)) exit
-      solution = solution + &
-                 vectors(1:m, k)*(dot_product(vectors(1:m, k), x(1:m))/eigenvalue(k))
-    end do
-    x(1:m) = solution
-  end subroutine pseudo_solve
 
   !> Σ a_j P(r_ji) of each monomial P
   pure subroutine moments(stencil, weight, degree, moment)

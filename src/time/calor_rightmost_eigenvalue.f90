@@ -33,8 +33,9 @@ module calor_rightmost_eigenvalue
     integer :: place = 0
   end type rightmost_t
 
-  !> Systems up to this size are solved densely
-  integer, parameter :: largest_dense = 400
+  !> Systems up to this size are solved densely, and larger ones up to the other if the iteration
+  !> fails, as it may where a lattice has many equal eigenvalues
+  integer, parameter :: always_dense = 100, largest_dense = 400
   !> Degree of the polynomial: the higher, the better it tells slow modes apart
   integer, parameter :: degree = 31
   !> Where the interval of fast decay begins, as a part of the spectral radius: the polynomial is
@@ -62,11 +63,14 @@ contains
     !> The eigenvalue
     type(rightmost_t), intent(out) :: rightmost
     real(wp), allocatable :: free(:), real_parts(:), imaginary_parts(:)
-    integer :: k
+    integer :: k, n
 
     allocate (free(evolution%unknowns()), source=1.0_wp)
     call evolution%clear_prescribed(free)
-    if (count(free > 0.5_wp) <= largest_dense) then
+    n = count(free > 0.5_wp)
+    if (n > always_dense) call arnoldi(evolution, spectral_radius, rightmost)
+    if (n <= largest_dense .and. .not. rightmost%converged) then
+      rightmost = rightmost_t()
       call jacobian_spectrum(evolution, real_parts, imaginary_parts)
       if (size(real_parts) == 0) return
       k = maxloc(real_parts, dim=1)
@@ -75,8 +79,6 @@ contains
       rightmost%converged = .true.
       rightmost%method = 'all eigenvalues by LAPACK'
       if (rightmost%growth_rate > 0) call find_place(evolution, free, rightmost)
-    else
-      call arnoldi(evolution, spectral_radius, rightmost)
     end if
   end subroutine find_rightmost
 
