@@ -35,10 +35,8 @@ module calor_simulation
   real(wp), parameter :: safe_part = 0.9_wp
   !> What would take more steps of forward Euler is out of reach of every method
   real(wp), parameter :: most_euler_steps = 1.0e15_wp
-  !> The error of a scheme that is exact up to this degree or less varies from particle to particle;
-  !> it is estimated with a consistent scheme of this order, that of others with one of two more
-  !> than their own
-  integer, parameter :: largest_rough_degree = 2, rough_reference_order = 3
+  !> The error is estimated with a consistent scheme of this order at least
+  integer, parameter :: lowest_reference_order = 3
   !> Error of one step, as a part of the range of given temperatures, where the scene gives none
   real(wp), parameter :: default_tolerance = 1.0e-6_wp
 
@@ -341,6 +339,12 @@ contains
   end function estimated_maximum_error
 
   !> The same problem by a scheme of higher order, with which the error is carried along.
+  !>
+  !> An operator that is exact up to an even degree d, or a low one, misses terms of odd degree,
+  !> which particles on opposite sides of one do not cancel: its error varies from particle to
+  !> particle, and the reference has to carry it. That is of order d + 1. Others, of an order p even,
+  !> carry their errors themselves; p + 1 is enough for the reference, as its solution has order
+  !> p + 2 on most clouds.
   subroutine prepare_estimate(this, kernel, error)
     class(simulation_t), intent(inout) :: this
     class(kernel_t), intent(in) :: kernel
@@ -356,9 +360,9 @@ contains
 
     call make_laplacian_scheme(this%scene%laplacian, scheme, error, this%scene%order)
     if (allocated(error)) return
-    rough = scheme%exact_degree() <= largest_rough_degree
-    order = rough_reference_order
-    if (.not. rough) order = this%scene%order + 2
+    rough = scheme%exact_degree() <= 2 .or. mod(scheme%exact_degree(), 2) == 0
+    order = scheme%exact_degree()
+    if (rough) order = max(lowest_reference_order, order + 1)
     call make_laplacian_scheme('consistent', scheme, error, order)
     if (allocated(error)) return
     allocate (radius(this%cloud%particles()), &
