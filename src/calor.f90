@@ -13,6 +13,7 @@ module calor
   use calor_expression, only: expression_t, compile_expression
   use calor_field_file, only: field_file_t
   use calor_file_system, only: ignore_file_size_signal
+  use calor_gnuplot, only: draw_picture, run_gnuplot
   use calor_gradient_scheme, only: gradient_scheme_t
   use calor_gradient_schemes, only: gradient_choices, make_gradient_scheme
   use calor_hdf5, only: skip_hdf5_cleanup
@@ -44,6 +45,7 @@ module calor
   use calor_text, only: text_t, text_list, to_text, suggestion
   use calor_version, only: version
   use calor_volume, only: volumes_from_kernel
+  use calor_whole_file, only: write_whole_file
   implicit none (type, external)
   public
 end module calor

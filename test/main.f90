@@ -12,6 +12,7 @@ program main
   use test_scene_file, only: collect_scene_file
   use test_cloud_file, only: collect_cloud_file
   use test_field_file, only: collect_field_file
+  use test_gnuplot, only: collect_gnuplot
   use test_hard_cases, only: collect_hard_cases
   use test_heat, only: collect_heat
   use test_operators, only: collect_operators
@@ -36,6 +37,7 @@ program main
            new_testsuite('scene file', collect_scene_file), &
            new_testsuite('scene contract', collect_scene_contract), &
            new_testsuite('field file', collect_field_file), &
+           new_testsuite('gnuplot', collect_gnuplot), &
            new_testsuite('cloud file', collect_cloud_file), &
            new_testsuite('operators', collect_operators), &
            new_testsuite('time', collect_time), &

@@ -12,6 +12,7 @@ module calor_file_system
   public :: look_at_path, path_missing, path_file, path_folder, path_other, path_unreachable
   public :: parent_folder, resolved_path, read_obstacle, write_obstacle
   public :: rename_file, remove_file, try_writing, reserve_space, cut_file
+  public :: make_scratch_folder, remove_folder
   public :: ignore_file_size_signal
 
   !> Nothing is there
@@ -47,6 +48,20 @@ module calor_file_system
       type(c_ptr), intent(in), value :: path
       integer(c_int) :: status
     end function c_unlink
+
+    function c_mkdtemp(template) result(path) bind(c, name='mkdtemp')
+      import :: c_ptr
+      implicit none (type, external)
+      type(c_ptr), intent(in), value :: template
+      type(c_ptr) :: path
+    end function c_mkdtemp
+
+    function c_rmdir(path) result(status) bind(c, name='rmdir')
+      import :: c_ptr, c_int
+      implicit none (type, external)
+      type(c_ptr), intent(in), value :: path
+      integer(c_int) :: status
+    end function c_rmdir
 
     function c_creat(path, mode) result(descriptor) bind(c, name='creat')
       import :: c_ptr, c_int
@@ -233,6 +248,40 @@ contains
     given = to_c(path)
     reason = reason_of(c_unlink(c_loc(given)))
   end subroutine remove_file
+
+  !> Make a new, empty folder for temporary files, in the one that TMPDIR names or in /tmp.
+  subroutine make_scratch_folder(folder, reason)
+    !> The new folder; where that failed, the one it should have been in
+    character(len=:), allocatable, intent(out) :: folder
+    !> Why that failed, or ''
+    character(len=:), allocatable, intent(out) :: reason
+    character(len=:), allocatable, target :: name
+    integer :: length
+
+    call get_environment_variable('TMPDIR', length=length)
+    allocate (character(len=length) :: folder)
+    if (length > 0) call get_environment_variable('TMPDIR', folder)
+    if (folder == '') folder = '/tmp'
+    name = to_c(folder//'/calor-XXXXXX')
+    reason = ''
+    if (c_associated(c_mkdtemp(c_loc(name)))) then
+      folder = name(:len(name) - 1)
+    else
+      reason = reason_of(-1_c_int)
+    end if
+  end subroutine make_scratch_folder
+
+  !> Remove an empty folder.
+  subroutine remove_folder(path, reason)
+    !> The folder
+    character(len=*), intent(in) :: path
+    !> Why that failed, or ''
+    character(len=:), allocatable, intent(out) :: reason
+    character(len=:), allocatable, target :: given
+
+    given = to_c(path)
+    reason = reason_of(c_rmdir(c_loc(given)))
+  end subroutine remove_folder
 
   !> Make a new, empty file and find out whether it can grow to some size.
   subroutine try_writing(path, bytes, reason)
