@@ -5,6 +5,7 @@ module calor_stepper
   use calor_error, only: error_t, raise, status_bad_numbers
   use calor_evolution, only: evolution_t
   use calor_integrator, only: integrator_t
+  use calor_interrupt, only: interrupted, interrupt_status
   use calor_kinds, only: wp
   use calor_text, only: to_text
   implicit none (type, external)
@@ -142,6 +143,9 @@ contains
     time = time + step
     this%steps = this%steps + 1
     this%accumulated_error = this%accumulated_error + local_error
+    if (interrupted()) then
+      call raise(error, interrupt_status(), 'Interrupted at t = '//to_text(time, digits=6)//' s.')
+    end if
   end subroutine try_step
 
   !> A small trial step shows the error of a step; the first is half of what the tolerance allows.
