@@ -5,11 +5,13 @@ program main
   use, intrinsic :: iso_fortran_env, only: error_unit
   use calor, only: error_t, raise, status_done, status_bad_input, status_bad_file, text_t, &
                    text_list, to_text, suggestion, choice_t, choice_names, version, scene_t, &
-                       read_scene, simulation_t, &
+                       read_scene, simulation_t, cost_study_t, describe_costs, &
+                   watch_for_interrupt, &
                    operator_study_t, describe_plan, describe_result, describe_derivatives, &
                    write_new_scene, contract_help, contract_groups, kernel_choices, &
                    laplacian_choices, gradient_choices, integrator_choices, arrangement_choices, &
                    skip_hdf5_cleanup, ignore_file_size_signal
+  use cost_progress, only: cost_progress_t
   use run_progress, only: run_progress_t
   use terminal, only: say, everything_said
   implicit none (type, external)
@@ -19,6 +21,7 @@ program main
       choice_t('run', 'simulate a scene and write its fields'), &
       choice_t('check', 'say what a scene would simulate, and check it, without running it'), &
       choice_t('operators', 'evaluate derivative schemes on a scene''s cloud'), &
+      choice_t('cost', 'compare schemes by accuracy and wall time'), &
       choice_t('new', 'write a commented scene to start from') &
       ]
 
@@ -65,7 +68,7 @@ contains
       call show_help(error)
     case ('-V', '--version', 'version')
       call say('calor '//version)
-    case ('run', 'check', 'operators', 'new')
+    case ('run', 'check', 'operators', 'cost', 'new')
       if (any_help()) then
         call show_command_help(command)
       else
@@ -78,6 +81,8 @@ contains
           call check(argument(2), error)
         case ('operators')
           call operators(argument(2), error)
+        case ('cost')
+          call cost(argument(2), error)
         case default
           call new(argument(2), error)
         end select
@@ -141,6 +146,23 @@ contains
     if (allocated(error)) return
     call say_lines(describe_derivatives(study))
   end subroutine operators
+
+  subroutine cost(path, error)
+    character(len=*), intent(in) :: path
+    type(error_t), allocatable, intent(out) :: error
+    type(scene_t) :: scene
+    type(cost_study_t) :: study
+    type(cost_progress_t) :: progress
+
+    call read_scene(path, scene, error)
+    if (allocated(error)) return
+    call study%prepare(scene, error)
+    if (allocated(error)) return
+    ! From here on Ctrl-C ends the study, and what was measured is kept.
+    call watch_for_interrupt()
+    call study%measure(error, progress)
+    if (study%any_measured()) call say_lines(describe_costs(study))
+  end subroutine cost
 
   subroutine new(name, error)
     character(len=*), intent(in) :: name
@@ -207,6 +229,14 @@ contains
       call show_choices('&kernel name', kernel_choices)
       call show_choices('&operators gradients', gradient_choices)
       call show_choices('&operators laplacians', laplacian_choices)
+    case ('cost')
+      call say('Runs SCENE with several schemes, spacings and supports, and reports error, wall')
+      call say('time by phase and memory of each: a table, a file (CSV) and pictures (SVG, PNG).')
+      call say('Time steps are as long as they may be without spoiling the error. Without a group')
+      call say('&cost all schemes are compared at 4, 2, 1 and 1/2 times the scene''s spacing.')
+      call say('Ctrl-C ends it early and keeps what was measured. Beside what run needs:')
+      call show_groups(text_list([character(len=6) :: 'cost', 'domain', 'kernel', 'time']))
+      call show_choices('&cost laplacians', laplacian_choices)
     case default
       call say('Writes NAME.nml, a small plate with every key explained. An existing file is left')
       call say('alone.')

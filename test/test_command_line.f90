@@ -365,7 +365,7 @@ contains
         case_t('&motion velocity_x = 1 /', 2, 'line 11: &motion|this version|yet'), &
         case_t('&accuracy estimate = .true. /', 2, 'line 11: &accuracy|this version|yet'), &
         case_t('&checkpoint file = ''a.h5'' /', 2, 'line 11: &checkpoint|this version|yet'), &
-        case_t('&cost spacings = 0.1, 0.2 /', 2, 'line 11: &cost|this version|yet')])
+        case_t('&cost orders = 2, 4 /', 2, 'line 11: &cost orders|this version|yet')])
   end subroutine test_later
 
   subroutine test_wrong_expressions(error)
