@@ -76,6 +76,7 @@ contains
     integer :: k
 
     text = this%name()
+    if (this%order > 0) return
     do k = 1, size(laplacian_choices)
       if (laplacian_choices(k)%name /= this%laplacian) cycle
       ! What a summary says before the first semicolon is what the scheme is.

@@ -9,7 +9,7 @@ module calor_cost_study
   use calor_cost_entry, only: cost_entry_t, phase_total
   use calor_cost_file, only: cost_csv
   use calor_cost_method, only: cost_method_t, cost_methods
-  use calor_cost_picture, only: cost_picture
+  use calor_cost_picture, only: cost_picture, picture_width, picture_height
   use calor_error, only: error_t, raise, status_bad_input, status_bad_numbers
   use calor_file_system, only: look_at_path, path_file, remove_file
   use calor_gnuplot, only: draw_picture
@@ -30,8 +30,6 @@ module calor_cost_study
   real(wp), parameter :: usual_spacings(*) = [4.0_wp, 2.0_wp, 1.0_wp, 0.5_wp]
   !> More entries are a slip of the pen
   integer, parameter :: most_entries = 200
-  !> Size of the picture in pixels
-  integer, parameter :: picture_width = 1200, picture_height = 800
   !> Pilot runs take about as long as so many runs
   real(wp), parameter :: pilot_share = 5.0_wp
 
@@ -275,7 +273,7 @@ contains
     call append(this%written, path)
     stem = path(:len(path) - 4)
     do k = 1, size(endings)
-      call draw_picture(stem//endings(k), picture_width, picture_height, &
+      call draw_picture(stem//endings(k), picture_width, picture_height(this%entries), &
                         cost_picture(this%entries, headline(this%scene), this%scene%time%end, &
                                      this%threads), problem)
       if (allocated(problem)) then

@@ -37,8 +37,11 @@ module calor_time_choice
 
   !> The tolerance that pilot runs begin with
   real(wp), parameter :: first_tolerance = 1.0e-2_wp
-  !> Steps are at most so often halved; beyond, rounding errors are all that is left
-  integer, parameter :: most_halvings = 13
+  !> Steps are not made shorter than this part of the first ones; rounding errors are all that is
+  !> left then
+  real(wp), parameter :: least_part = 0.5_wp**13
+  !> Runs whose numbers of steps differ by this factor at least tell each other's errors
+  real(wp), parameter :: least_ratio = 1.5_wp
   !> The error of the finest run is an estimate: so much of what is allowed is made use of
   real(wp), parameter :: margin = 0.9_wp
   !> Relative errors below this are rounding errors
@@ -124,8 +127,8 @@ contains
     real(wp), intent(in), optional :: truth(:)
     type(stepper_t) :: coarse, fine
     real(wp), allocatable :: u_coarse(:), u_fine(:)
-    real(wp) :: part, bound, error_coarse, error_fine
-    integer :: halvings, order
+    real(wp) :: part, shorter, bound, error_coarse, error_fine
+    integer :: order
     logical :: found
 
     part = 1
@@ -134,19 +137,31 @@ contains
     if (allocated(error)) return
     order = coarse%integrator%order()
     associate (volume => simulation%cloud%volume)
-      do halvings = 1, most_halvings
-        call run_pilot(simulation, method, part/2, fine, u_fine, error)
-        if (allocated(error)) return
+      do
+        ! Where stability bounds the steps, a smaller tolerance may change nothing at first.
+        shorter = part
+        do
+          shorter = shorter/2
+          call run_pilot(simulation, method, shorter, fine, u_fine, error)
+          if (allocated(error)) return
+          if (fine%steps >= least_ratio*coarse%steps .or. shorter < least_part) exit
+        end do
         bound = margin*allowed
         if (present(truth)) bound = bound*relative_difference(u_fine, truth, volume)
         bound = max(bound, least_error)
-        error_fine = relative_difference(u_coarse, u_fine, volume)/(2**order - 1)
+        ! Without shorter steps there is nothing to tell errors by.
+        error_fine = huge(1.0_wp)
+        if (fine%steps > coarse%steps) then
+          error_fine = relative_difference(u_coarse, u_fine, volume)/ &
+                       ((real(fine%steps, wp)/coarse%steps)**order - 1)
+        end if
         error_coarse = relative_difference(u_coarse, u_fine, volume) + error_fine
         if (error_fine <= bound/2) then
           if (error_coarse <= bound) then
             call note(choice, method, part, coarse, error_coarse)
           else if (.not. found) then
-            call tune(simulation, method, part, u_fine, bound, error_fine, order, choice, error)
+            call tune(simulation, method, part, shorter, u_fine, bound, error_fine, order, &
+                      choice, error)
             if (allocated(error)) return
           end if
           found = .true.
@@ -155,9 +170,10 @@ contains
                  fine%integrator%evaluations >= coarse%integrator%evaluations) then
           exit
         end if
-        part = part/2
+        part = shorter
         u_coarse = u_fine
         coarse = fine
+        if (part < least_part) exit
       end do
     end associate
     ! The best there is, where nothing is good enough
@@ -165,12 +181,13 @@ contains
     call move_alloc(u_fine, choice%temperature)
   end subroutine refine
 
-  !> Find steps between some and half of them, by the power of the steps with which errors go.
-  subroutine tune(simulation, method, part, u_fine, bound, error_fine, order, choice, error)
+  !> Find steps between longer and shorter ones, by the power of the steps with which errors go.
+  subroutine tune(simulation, method, longer, shorter, u_fine, bound, error_fine, order, &
+                  choice, error)
     type(simulation_t), intent(inout) :: simulation
     character(len=*), intent(in) :: method
-    !> The longer steps
-    real(wp), intent(in) :: part
+    !> Both, as parts of the first ones
+    real(wp), intent(in) :: longer, shorter
     !> What the shorter ones lead to, and the error of that
     real(wp), intent(in) :: u_fine(:), error_fine
     !> The error that is allowed
@@ -183,13 +200,13 @@ contains
     real(wp) :: tried, deviation
     integer :: trial
 
-    tried = part/2*min(2.0_wp, (0.8_wp*bound/error_fine)**(1.0_wp/order))
+    tried = min(longer, shorter*(0.8_wp*bound/error_fine)**(1.0_wp/order))
     do trial = 1, 4
       call run_pilot(simulation, method, tried, stepper, u, error)
       if (allocated(error)) return
       deviation = relative_difference(u, u_fine, simulation%cloud%volume) + error_fine
       if (deviation <= bound) exit
-      tried = max(part/2, 0.8_wp*tried)
+      tried = max(shorter, 0.8_wp*tried)
     end do
     call note(choice, method, tried, stepper, deviation)
   end subroutine tune
