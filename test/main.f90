@@ -6,6 +6,7 @@ program main
   use, intrinsic :: iso_fortran_env, only: error_unit
   use calor_hdf5, only: skip_hdf5_cleanup
   use testdrive, only: run_testsuite, new_testsuite, testsuite_type, select_suite, run_selected
+  use test_consistent, only: collect_consistent
   use test_documents, only: collect_documents
   use test_expression, only: collect_expression
   use test_scene_contract, only: collect_scene_contract
@@ -43,6 +44,7 @@ program main
            new_testsuite('operators', collect_operators), &
            new_testsuite('time', collect_time), &
            new_testsuite('stable rows', collect_stable_rows), &
+           new_testsuite('consistent', collect_consistent), &
            new_testsuite('heat', collect_heat), &
            new_testsuite('hard cases', collect_hard_cases), &
            new_testsuite('cost study', collect_cost_study), &

@@ -324,6 +324,8 @@ contains
         case_t('&kernel name = ''wendlandc2'' /', 2, 'line 3: &kernel name|''wendland_c2'''), &
         case_t('&scheme laplacian = ''brokshaw'' /', 2, &
                'line 4: &scheme laplacian|''brookshaw'''), &
+        case_t('&scheme laplacian = ''consistent'' order = 9 /', 2, &
+               'line 4: &scheme order|1 to 8, not 9'), &
         case_t('&scheme support_growth = ''no'' /', 2, 'line 4: &scheme support_growth|.false.'), &
         case_t('&material conductivity = -1 /', 2, &
                'line 5: &material conductivity|greater than 0'), &
@@ -351,8 +353,6 @@ contains
         case_t('&domain centre = 0, 0 /', 2, 'line 2: &domain centre|this version'), &
         case_t(lattice//'arrangement=''relaxed'' /', 2, &
                'line 2: &domain|''relaxed''|not available yet'), &
-        case_t('&scheme laplacian = ''consistent'' /', 2, 'line 4: &scheme laplacian|yet'), &
-        case_t('&scheme order = 4 /', 2, 'line 4: &scheme order|this version'), &
         case_t('&material conductivity_expression = ''1+x'' /', 2, &
                '&material conductivity_exp|yet'), &
         case_t('&material where_expression = ''x'' /', 2, &
@@ -364,8 +364,7 @@ contains
         case_t('&source power = 1 /', 2, 'line 11: &source|this version|yet'), &
         case_t('&motion velocity_x = 1 /', 2, 'line 11: &motion|this version|yet'), &
         case_t('&accuracy estimate = .true. /', 2, 'line 11: &accuracy|this version|yet'), &
-        case_t('&checkpoint file = ''a.h5'' /', 2, 'line 11: &checkpoint|this version|yet'), &
-        case_t('&cost orders = 2, 4 /', 2, 'line 11: &cost orders|this version|yet')])
+        case_t('&checkpoint file = ''a.h5'' /', 2, 'line 11: &checkpoint|this version|yet')])
   end subroutine test_later
 
   subroutine test_wrong_expressions(error)
@@ -456,8 +455,8 @@ contains
         case_t('&operators field_expression = ''1/x'' /', 2, '1/x|no number'), &
         case_t('&operators field_expression = ''x'' gradients = ''summ'' /', 2, &
                'line 10: &operators gradients|Did you mean ''sum'''), &
-        case_t('&operators field_expression = ''x'' laplacians = ''consistent'' /', 2, &
-               'line 10: &operators laplacians|''consistent''|yet'), &
+        case_t('&operators field_expression = ''x'' laplacians = ''consistant'' /', 2, &
+               'line 10: &operators laplacians|Did you mean ''consistent'''), &
         case_t('&operators field_expression = ''x'' file = ''nowhere/out.vtkhdf'' /', 4, &
                'line 10: &operators file|''nowhere'' does not exist'), &
         case_t('&operators gradients = ''sum'' /', 2, 'line 10: &operators|field_expression'), &

@@ -30,8 +30,8 @@ module test_scene_contract
       '  laplacians = ''a'', ''b'''//lf// &
       '  exact_gradient_x_expression = ''x'' exact_gradient_y_expression = ''0'''//lf// &
       '  exact_laplacian_expression = ''x'' file = ''o.vtkhdf'' /'//lf// &
-      '&cost spacings = 0.1, 0.05 laplacians = ''all'' supports = 2.1 repetitions = 3'//lf// &
-      '  seconds = 60 target = 1e-4 file = ''c.csv'' /'
+      '&cost spacings = 0.1, 0.05 laplacians = ''all'' supports = 2.1'//lf// &
+      '  orders = 4 repetitions = 3 seconds = 60 target = 1e-4 file = ''c.csv'' /'
 
 contains
 
@@ -180,7 +180,7 @@ contains
     type(error_type), allocatable, intent(out) :: error
     character(len=*), parameter :: keys(*) = [character(len=40) :: &
         'domain vertices = 0, 1', 'domain centre = 0, 0', 'domain radius = 1', &
-        'domain inner_radius = 1', 'scheme order = 4', 'material where_expression = ''x''', &
+        'domain inner_radius = 1', 'material where_expression = ''x''', &
         'material conductivity_expression = ''x''', 'material density_expression = ''x''', &
         'material heat_capacity_expression = ''x''', 'boundary where_expression = ''x''', &
         'boundary flux = 1', 'boundary flux_expression = ''1''', 'boundary coefficient = 1', &
@@ -222,7 +222,8 @@ contains
     help = contract_help('Kernel')
     call check(error, index(help, '&kernel: the smoothing kernel'//lf//'  name ') == 1, help)
     if (allocated(error)) return
-    call check(error, index(help, 'support radius in units of spacing (default 2.1)') > 0, help)
+    call check(error, index(help, 'support radius in units of spacing '// &
+               '(consistent: 1 + 0.45 order) (default 2.1)') > 0, help)
     if (allocated(error)) return
     call check(error, index(help, 'spacing = ') == 0 .and. index(help, 'seed') == 0, help)
     if (allocated(error)) return

@@ -98,10 +98,11 @@ module calor_scene_contract
       key_rule_t('domain', 'jitter', number, now, '0.2', 'displacement in units of spacing'), &
       key_rule_t('domain', 'seed', whole, now, '1', 'seed of the random displacements'), &
       key_rule_t('kernel', 'name', text, now, '''wendland_c2''', 'the kernel'), &
-      key_rule_t('kernel', 'support', number, now, '2.1', 'support radius in units of spacing'), &
+      key_rule_t('kernel', 'support', number, now, '2.1', 'support radius in units of spacing'// &
+                 ' (consistent: 1 + 0.45 order)'), &
       key_rule_t('scheme', 'laplacian', text, now, '''fatehi_manzari''', 'second derivatives'), &
       key_rule_t('scheme', 'gradient', text, now, '''renormalized''', 'first derivatives'), &
-      key_rule_t('scheme', 'order', whole, later, '', 'order of the consistent schemes'), &
+      key_rule_t('scheme', 'order', whole, now, '4', 'order of the consistent schemes, 1 to 8'), &
       key_rule_t('scheme', 'support_growth', yes_no, now, '.true.', 'repair poor rows'), &
       key_rule_t('scheme', 'allow_inexact_rows', yes_no, now, '.false.', 'run with stable rows'// &
                  ' that are not exact'), &
@@ -157,7 +158,7 @@ module calor_scene_contract
       key_rule_t('cost', 'spacings', numbers, now, '', 'distances between particles, m'), &
       key_rule_t('cost', 'laplacians', texts, now, '''all''', 'Laplacian schemes'), &
       key_rule_t('cost', 'supports', numbers, now, '', 'support radii in spacings'), &
-      key_rule_t('cost', 'orders', numbers, later, '', 'orders of the scheme consistent'), &
+      key_rule_t('cost', 'orders', numbers, now, '2, 4, 6, 8', 'orders of the scheme consistent'), &
       key_rule_t('cost', 'repetitions', whole, now, '5', 'how often each entry is timed'), &
       key_rule_t('cost', 'seconds', number, now, '600', 'time that all may take, s'), &
       key_rule_t('cost', 'target', number, now, '', 'the error to reach at least cost'), &
@@ -166,10 +167,7 @@ module calor_scene_contract
   type(value_rule_t), parameter :: value_rules(*) = [ &
       value_rule_t('time', 'steady', '.false.', '.true.'), &
       value_rule_t('boundary', 'kind', 'temperature', 'flux convection radiation insulated'), &
-      value_rule_t('domain', 'shape', '', 'disc annulus polygon'), &
-      value_rule_t('scheme', 'laplacian', '', 'consistent'), &
-      value_rule_t('operators', 'laplacians', '', 'consistent'), &
-      value_rule_t('cost', 'laplacians', '', 'consistent')]
+      value_rule_t('domain', 'shape', '', 'disc annulus polygon')]
 
   character(len=*), parameter :: companion = '_expression'
 

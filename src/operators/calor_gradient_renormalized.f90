@@ -12,9 +12,19 @@ module calor_gradient_renormalized
   type, extends(gradient_scheme_t) :: renormalized_gradient_t
   contains
     procedure :: weights
+    procedure :: exact_degree
   end type renormalized_gradient_t
 
 contains
+
+  pure function exact_degree(this) result(degree)
+    class(renormalized_gradient_t), intent(in) :: this
+    integer :: degree
+
+    associate (unused => this)
+    end associate
+    degree = 1
+  end function exact_degree
 
   subroutine weights(this, stencil, weight_x, weight_y, diagonal)
     class(renormalized_gradient_t), intent(in) :: this

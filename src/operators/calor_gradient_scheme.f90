@@ -18,6 +18,8 @@ module calor_gradient_scheme
     procedure(gradient_weights), deferred :: weights
     !> The rows of weights for the targets of a neighbour list
     procedure :: assemble
+    !> The degree up to which polynomials are differentiated exactly on any sufficient support
+    procedure :: exact_degree
   end type gradient_scheme_t
 
   abstract interface
@@ -36,6 +38,15 @@ module calor_gradient_scheme
   end interface
 
 contains
+
+  pure function exact_degree(this) result(degree)
+    class(gradient_scheme_t), intent(in) :: this
+    integer :: degree
+
+    associate (unused => this)
+    end associate
+    degree = 0
+  end function exact_degree
 
   subroutine assemble(this, kernel, x, y, volume, radius, list, gradient_x, gradient_y, report)
     class(gradient_scheme_t), intent(in) :: this

@@ -2,12 +2,14 @@
 module calor_gradient_schemes
   use calor_choice, only: choice_t, choice_names
   use calor_error, only: error_t, raise, status_bad_input
+  use calor_gradient_consistent, only: consistent_gradient_t
   use calor_gradient_difference, only: difference_gradient_t
   use calor_gradient_renormalized, only: renormalized_gradient_t
   use calor_gradient_scheme, only: gradient_scheme_t
   use calor_gradient_standard, only: standard_gradient_t
   use calor_gradient_sum, only: sum_gradient_t
-  use calor_text, only: suggestion
+  use calor_taylor_weights, only: highest_order, default_order
+  use calor_text, only: suggestion, to_text
   implicit none (type, external)
   private
 
@@ -18,19 +20,23 @@ module calor_gradient_schemes
       choice_t('standard', 'sum of u_j times the kernel gradient; exact for nothing'), &
       choice_t('difference', 'sum of u_j - u_i; exact for constants'), &
       choice_t('sum', 'sum of u_j + u_i; conserves in pairs, exact for nothing'), &
-      choice_t('renormalized', 'difference with the tensor B; exact for linear fields') &
+      choice_t('renormalized', 'difference with the tensor B; exact for linear fields'), &
+      choice_t('consistent', 'order 2, 4, 6 or 8 (&scheme order); exact for polynomials up to it') &
       ]
 
 contains
 
   !> Make the gradient scheme of that name.
-  subroutine make_gradient_scheme(name, scheme, error)
+  subroutine make_gradient_scheme(name, scheme, error, order)
     !> One of the names in `gradient_choices`
     character(len=*), intent(in) :: name
     !> The scheme
     class(gradient_scheme_t), allocatable, intent(out) :: scheme
     !> No scheme has that name
     type(error_t), allocatable, intent(out) :: error
+    !> The order of a scheme that has several, 1 … highest_order; `default_order` without it
+    integer, intent(in), optional :: order
+    integer :: chosen
 
     select case (name)
     case ('standard')
@@ -41,6 +47,15 @@ contains
       allocate (sum_gradient_t :: scheme)
     case ('renormalized')
       allocate (renormalized_gradient_t :: scheme)
+    case ('consistent')
+      chosen = default_order
+      if (present(order)) chosen = order
+      if (chosen < 1 .or. chosen > highest_order) then
+        call raise(error, status_bad_input, 'The scheme ''consistent'' has no order '// &
+                   to_text(chosen)//'; it has 1 to '//to_text(highest_order)//'.')
+        return
+      end if
+      allocate (scheme, source=consistent_gradient_t(chosen))
     case default
       call raise(error, status_bad_input, 'No gradient scheme is called '''//name//'''.'// &
                  suggestion(name, choice_names(gradient_choices)))

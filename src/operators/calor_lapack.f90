@@ -4,7 +4,7 @@ module calor_lapack
   implicit none (type, external)
   private
 
-  public :: dgesv, dgelss
+  public :: dgesv, dgelss, dpotrf, dpotrs, dsyev
 
   interface
     !> Solve A X = B by LU factorisation with partial pivoting
@@ -27,6 +27,38 @@ module calor_lapack
       integer, intent(out) :: rank, info
       real(wp), intent(out) :: work(lwork)
     end subroutine dgelss
+
+    !> Cholesky factorisation of a symmetric positive definite matrix
+    subroutine dpotrf(uplo, n, a, lda, info)
+      import :: wp
+      implicit none (type, external)
+      character(len=1), intent(in) :: uplo
+      integer, intent(in) :: n, lda
+      real(wp), intent(inout) :: a(lda, n)
+      integer, intent(out) :: info
+    end subroutine dpotrf
+
+    !> Solve A X = B with the factor of dpotrf
+    subroutine dpotrs(uplo, n, nrhs, a, lda, b, ldb, info)
+      import :: wp
+      implicit none (type, external)
+      character(len=1), intent(in) :: uplo
+      integer, intent(in) :: n, nrhs, lda, ldb
+      real(wp), intent(in) :: a(lda, n)
+      real(wp), intent(inout) :: b(ldb, nrhs)
+      integer, intent(out) :: info
+    end subroutine dpotrs
+
+    !> Eigenvalues, ascending, and eigenvectors of a symmetric matrix
+    subroutine dsyev(jobz, uplo, n, a, lda, w, work, lwork, info)
+      import :: wp
+      implicit none (type, external)
+      character(len=1), intent(in) :: jobz, uplo
+      integer, intent(in) :: n, lda, lwork
+      real(wp), intent(inout) :: a(lda, n)
+      real(wp), intent(out) :: w(n), work(lwork)
+      integer, intent(out) :: info
+    end subroutine dsyev
   end interface
 
 end module calor_lapack

@@ -9,16 +9,30 @@ module calor_laplacian_scheme
   implicit none (type, external)
   private
 
-  public :: laplacian_scheme_t, row_laplacian_t
+  public :: laplacian_scheme_t, row_laplacian_t, row_rule_t
+
+  !> When a row of a scheme is good enough, and how its support grows until it is
+  type :: row_rule_t
+    !> The largest Σ|a_ij|/|a_ii|
+    real(wp) :: largest_ratio = 1.2_wp
+    !> The largest |a_ii| in units of the mean distance of the neighbours: a row beyond it hangs on
+    !> neighbours that are nearly in line, or much too near, and costs short time steps
+    real(wp) :: largest_stiffness = 100.0_wp
+    !> By how much a support grows at a time
+    real(wp) :: growth = 1.15_wp
+    !> Growth ends at this many neighbours: beyond it a row is no longer local
+    integer :: most_neighbours = 250
+  end type row_rule_t
 
   !> A scheme for ∇²u
   type, abstract :: laplacian_scheme_t
   contains
     !> The rows of weights for the targets of a neighbour list
     procedure(assemble_interface), deferred :: assemble
-    !> The degree up to which polynomials are differentiated exactly on any sufficient support: 0, 1
-    !> or 2
+    !> The degree up to which polynomials are differentiated exactly on any sufficient support
     procedure :: exact_degree
+    !> What is asked of its rows
+    procedure :: rule
   end type laplacian_scheme_t
 
   !> A scheme whose row reaches no farther than the particle's own neighbours. A scheme of one's own
@@ -71,6 +85,15 @@ contains
     end associate
     degree = 0
   end function exact_degree
+
+  pure function rule(this)
+    class(laplacian_scheme_t), intent(in) :: this
+    type(row_rule_t) :: rule
+
+    associate (unused => this)
+    end associate
+    rule = row_rule_t()
+  end function rule
 
   subroutine assemble_rows(this, kernel, x, y, volume, radius, list, laplacian, report)
     class(row_laplacian_t), intent(in) :: this

@@ -12,6 +12,8 @@ module calor_row_report
   type :: row_report_t
     !> Condition numbers of the systems for B_i and B̂_i; 0 where a scheme does not use the tensor
     real(wp), allocatable :: condition_gradient(:), condition_laplacian(:)
+    !> How far a row has missed a moment that the scheme solves for, in units of the support radius
+    real(wp), allocatable :: residual(:)
   contains
     !> Provide room for a number of rows
     procedure :: reserve
@@ -30,6 +32,7 @@ contains
 
     allocate (this%condition_gradient(rows), source=0.0_wp)
     allocate (this%condition_laplacian(rows), source=0.0_wp)
+    allocate (this%residual(rows), source=0.0_wp)
   end subroutine reserve
 
   pure subroutine note(this, row, stencil)
@@ -41,6 +44,7 @@ contains
 
     this%condition_gradient(row) = stencil%condition_gradient
     this%condition_laplacian(row) = stencil%condition_laplacian
+    this%residual(row) = stencil%residual
   end subroutine note
 
   pure function singular_rows(this) result(number)

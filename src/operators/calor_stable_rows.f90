@@ -1,17 +1,17 @@
 !> Rows that keep the heat equation stable on any cloud.
 !>
-!> Where a row of a scheme is poor, that particle's own support grows by 15 % at a time until it is
-!> good. Where that does not help, the row becomes a stencil of non-negative weights exact for
-!> quadratic fields (Seibold 2008). Where the cloud admits none, as next to a wall that is much
-!> nearer than its particles are to each other, the row becomes the stencil of non-negative weights
-!> that is exact for linear fields and nearest to exact for quadratic ones: stable, but reported.
-!> Such a row on neighbours that are far too near, as those of a particle that nearly touches a
-!> wall, is slowed down to what a row may cost.
+!> Where a row of a scheme is poor by the scheme's own rule, that particle's support grows by some
+!> 10 to 15 % at a time until it is good. Where that does not help, the row becomes a stencil of
+!> non-negative weights exact for quadratic fields (Seibold 2008). Where the cloud admits none, as
+!> next to a wall that is much nearer than its particles are to each other, the row becomes the
+!> stencil of non-negative weights that is exact for linear fields and nearest to exact for
+!> quadratic ones: stable, but reported. Such a row on neighbours that are far too near, as those of
+!> a particle that nearly touches a wall, is slowed down to what a row may cost.
 module calor_stable_rows
   use calor_kernel, only: kernel_t
   use calor_kinds, only: wp, ip, i8
   use calor_laplacian_positive, only: positive_t
-  use calor_laplacian_scheme, only: laplacian_scheme_t
+  use calor_laplacian_scheme, only: laplacian_scheme_t, row_rule_t
   use calor_neighbour_list, only: neighbour_list_t, build_neighbour_list
   use calor_row_quality, only: row_quality_t, measure_rows
   use calor_row_report, only: row_report_t
@@ -26,20 +26,13 @@ module calor_stable_rows
   integer, parameter :: as_written = 0, support_grown = 1, positive_stencil = 2, &
                         inexact_stencil = 3, no_stencil = 4
 
-  !> A row with a larger Σ|a_ij|/|a_ii| is poor
-  real(wp), parameter :: largest_ratio = 1.2_wp
-  !> A row that misses a quadratic by more is poor
-  real(wp), parameter :: largest_residual = 1.0e-7_wp
-  !> A row with a larger |a_ii| in units of the mean distance of its neighbours is poor: it hangs on
-  !> neighbours that are nearly in line, or much too near
-  real(wp), parameter :: largest_stiffness = 100.0_wp
-  !> … but it may be so much where there is no other exact row: short steps are better than none
+  !> A row that misses a quadratic by more is poor; so is one that misses a moment that it was
+  !> solved for by more
+  real(wp), parameter :: largest_residual = 1.0e-7_wp, largest_moment_residual = 1.0e-10_wp
+  !> |a_ii|, in units of the mean distance of the neighbours, may be so large where there is no
+  !> other exact row: short steps are better than none
   real(wp), parameter :: most_stiffness = 1000.0_wp
-  !> By how much a support grows at a time
-  real(wp), parameter :: growth = 1.15_wp
-  !> Growth ends at this many neighbours: beyond it a row is no longer local
-  integer, parameter :: most_neighbours = 250
-  !> … or after this many times, a factor of 270
+  !> Growth ends after this many times, a factor of 45 at least
   integer, parameter :: most_times = 40
   !> A stencil that cannot be exact is sought among at least so many neighbours
   integer, parameter :: enough_neighbours = 24
@@ -77,6 +70,9 @@ contains
     type(row_repairs_t), intent(out) :: repairs
     type(neighbour_list_t) :: list
     type(row_quality_t) :: quality
+    type(positive_t) :: positive
+    type(row_rule_t), parameter :: usual = row_rule_t()
+    type(row_rule_t) :: rule, replaced
     real(wp), allocatable :: first_radius(:)
     logical, allocatable :: poor(:)
     integer(ip), allocatable :: failed(:)
@@ -95,8 +91,11 @@ contains
       return
     end if
     call measure_rows(laplacian, x, y, radius, 2, quality)
-    poor = is_poor(quality%ratio, quality%residual, quality%stiffness, largest_residual, &
-                   largest_stiffness)
+    rule = scheme%rule()
+    replaced = positive%rule()
+    poor = is_poor(quality%ratio, quality%residual, quality%stiffness, rule%largest_ratio, &
+                   largest_residual, rule%largest_stiffness) .or. &
+           report%residual > largest_moment_residual
     if (.not. any(poor)) then
       repairs%quality = quality
       return
@@ -105,24 +104,30 @@ contains
     failed = pack([(int(k, ip), k=1, size(targets))], poor)
     repairs%repair(failed) = support_grown
     call grow(scheme, kernel, x, y, volume, radius, targets, 0, largest_residual, failed)
+    if (rule%largest_stiffness < usual%largest_stiffness) then
+      ! Short steps at a few particles rather than a row of another scheme
+      radius(targets(failed)) = first_radius(failed)/rule%growth
+      call grow(scheme, kernel, x, y, volume, radius, targets, 0, largest_residual, failed, &
+                allowed_stiffness=usual%largest_stiffness)
+    end if
     repairs%repair(failed) = positive_stencil
-    radius(targets(failed)) = first_radius(failed)/growth
-    call grow(positive_t(), kernel, x, y, volume, radius, targets, 0, largest_residual, failed)
-    radius(targets(failed)) = first_radius(failed)/growth
-    call grow(positive_t(), kernel, x, y, volume, radius, targets, 0, largest_residual, failed, &
+    radius(targets(failed)) = first_radius(failed)/replaced%growth
+    call grow(positive, kernel, x, y, volume, radius, targets, 0, largest_residual, failed)
+    radius(targets(failed)) = first_radius(failed)/replaced%growth
+    call grow(positive, kernel, x, y, volume, radius, targets, 0, largest_residual, failed, &
               allowed_stiffness=most_stiffness)
     repairs%repair(failed) = inexact_stencil
-    radius(targets(failed)) = first_radius(failed)/growth
+    radius(targets(failed)) = first_radius(failed)/replaced%growth
     call grow(positive_t(relaxed=.true.), kernel, x, y, volume, radius, targets, &
               enough_neighbours, huge(1.0_wp), failed)
-    radius(targets(failed)) = first_radius(failed)/growth
+    radius(targets(failed)) = first_radius(failed)/replaced%growth
     call grow(positive_t(relaxed=.true.), kernel, x, y, volume, radius, targets, &
               enough_neighbours, huge(1.0_wp), failed, allowed_stiffness=huge(1.0_wp))
     repairs%repair(failed) = no_stencil
     radius(targets(failed)) = first_radius(failed)
     call build_neighbour_list(x, y, radius(targets), list, targets)
     call scheme%assemble(kernel, x, y, volume, radius, list, laplacian, report)
-    call replace_rows(positive_t(), kernel, x, y, volume, radius, &
+    call replace_rows(positive, kernel, x, y, volume, radius, &
                       repairs%repair == positive_stencil, laplacian)
     call replace_rows(positive_t(relaxed=.true.), kernel, x, y, volume, radius, &
                       repairs%repair == inexact_stencil, laplacian)
@@ -158,6 +163,7 @@ contains
     type(neighbour_list_t), intent(in) :: first_list
     !> Becomes `support_grown` where that was so
     integer, intent(inout) :: repair(:)
+    type(row_rule_t), parameter :: usual = row_rule_t()
     type(neighbour_list_t) :: list
     integer(ip), allocatable :: rows(:), candidates(:)
     logical, allocatable :: alone(:)
@@ -182,7 +188,7 @@ contains
       if (size(rows) == 0 .or. time == most_times) return
       repair(rows) = support_grown
       candidates = first_list%target(rows)
-      radius(candidates) = growth*radius(candidates)
+      radius(candidates) = usual%growth*radius(candidates)
       call build_neighbour_list(x, y, radius(candidates), list, candidates)
     end do
   end subroutine surround
@@ -208,12 +214,13 @@ contains
     answer = .true.
   end function surrounded
 
-  elemental function is_poor(ratio, residual, stiffness, allowed_residual, allowed_stiffness) &
-    result(poor)
-    real(wp), intent(in) :: ratio, residual, stiffness, allowed_residual, allowed_stiffness
+  elemental function is_poor(ratio, residual, stiffness, allowed_ratio, allowed_residual, &
+                             allowed_stiffness) result(poor)
+    real(wp), intent(in) :: ratio, residual, stiffness
+    real(wp), intent(in) :: allowed_ratio, allowed_residual, allowed_stiffness
     logical :: poor
 
-    poor = .not. (ratio <= largest_ratio .and. residual <= allowed_residual .and. &
+    poor = .not. (ratio <= allowed_ratio .and. residual <= allowed_residual .and. &
                   stiffness <= allowed_stiffness)
   end function is_poor
 
@@ -237,29 +244,33 @@ contains
     type(sparse_operator_t) :: laplacian
     real(wp) :: stiffness
     type(row_quality_t) :: quality
+    type(row_report_t) :: report
+    type(row_rule_t) :: rule
     integer(ip), allocatable :: failed(:), candidates(:)
     integer, allocatable :: neighbours(:)
     logical, allocatable :: poor(:)
     integer :: time
 
-    stiffness = largest_stiffness
+    rule = scheme%rule()
+    stiffness = rule%largest_stiffness
     if (present(allowed_stiffness)) stiffness = allowed_stiffness
     allocate (failed(0))
     do time = 1, most_times
       if (size(rows) == 0) exit
-      radius(targets(rows)) = growth*radius(targets(rows))
+      radius(targets(rows)) = rule%growth*radius(targets(rows))
       candidates = targets(rows)
       call build_neighbour_list(x, y, radius(candidates), list, candidates)
-      call scheme%assemble(kernel, x, y, volume, radius, list, laplacian)
+      call scheme%assemble(kernel, x, y, volume, radius, list, laplacian, report)
       call measure_rows(laplacian, x, y, radius, 2, quality)
       neighbours = int(list%first(2:) - list%first(:list%rows()))
-      poor = is_poor(quality%ratio, quality%residual, quality%stiffness, allowed_residual, &
-                     stiffness) .or. &
+      poor = is_poor(quality%ratio, quality%residual, quality%stiffness, rule%largest_ratio, &
+                     allowed_residual, stiffness) .or. &
+             report%residual > largest_moment_residual .or. &
              neighbours < min(fewest, size(x) - 1)
       rows = pack(rows, poor)
       neighbours = pack(neighbours, poor)
-      failed = [failed, pack(rows, neighbours >= min(most_neighbours, size(x) - 1))]
-      rows = pack(rows, neighbours < min(most_neighbours, size(x) - 1))
+      failed = [failed, pack(rows, neighbours >= min(rule%most_neighbours, size(x) - 1))]
+      rows = pack(rows, neighbours < min(rule%most_neighbours, size(x) - 1))
     end do
     rows = [failed, rows]
   end subroutine grow

@@ -27,6 +27,8 @@ module calor_stencil
     real(wp), allocatable :: force(:)
     !> Condition numbers of the tensors that a scheme has solved for on this stencil; 0: none
     real(wp) :: condition_gradient = 0.0_wp, condition_laplacian = 0.0_wp
+    !> How far a scheme that solves for its moments has missed one of them, in units of h
+    real(wp) :: residual = 0.0_wp
   contains
     !> Provide room for a number of neighbours
     procedure :: reserve
@@ -64,6 +66,7 @@ contains
     this%n = n
     this%condition_gradient = 0
     this%condition_laplacian = 0
+    this%residual = 0
     scale = 1/radius
     do k = 1, n
       dx = (x(particle) - x(neighbours(k)))*scale

@@ -5,6 +5,7 @@ module calor_description
   use calor_kinds, only: wp, i8
   use calor_laplacian_schemes, only: laplacian_choices
   use calor_memory_need, only: memory_need, size_text
+  use calor_scene, only: scene_t
   use calor_simulation, only: simulation_t
   use calor_stable_rows, only: as_written, support_grown, positive_stencil, inexact_stencil, &
                                no_stencil
@@ -29,8 +30,7 @@ contains
     call add(lines, '', headline(simulation))
     call add(lines, 'Particles', particles(simulation))
     call add(lines, 'Neighbours', neighbours(simulation))
-    call add(lines, 'Laplacian', simulation%scene%laplacian//': '// &
-             summary(laplacian_choices, simulation%scene%laplacian))
+    call add(lines, 'Laplacian', scheme(simulation%scene))
     if (any(simulation%report%condition_gradient > 0)) then
       call add(lines, 'Tensors', tensors(simulation))
     end if
@@ -48,6 +48,19 @@ contains
              real(simulation%cloud%particles(), wp), simulation%mean_neighbours)))
     call add(lines, 'Output', output(simulation))
   end function describe_plan
+
+  !> The scheme and what it is
+  function scheme(scene) result(line)
+    type(scene_t), intent(in) :: scene
+    character(len=:), allocatable :: line
+
+    if (scene%laplacian == 'consistent') then
+      line = 'consistent of order '//to_text(scene%order)//': exact for polynomials up to '// &
+             'degree '//to_text(scene%order + 1)
+    else
+      line = scene%laplacian//': '//summary(laplacian_choices, scene%laplacian)
+    end if
+  end function scheme
 
   !> What a run did: steps, wall time by phase, the error if it is known, the file.
   function describe_result(simulation) result(lines)

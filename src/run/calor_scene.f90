@@ -1,6 +1,7 @@
 !> A scene: everything that a scene file says, as values of the right types.
 module calor_scene
   use calor_kinds, only: wp
+  use calor_taylor_weights, only: default_order
   use calor_text, only: text_t
   implicit none (type, external)
   private
@@ -91,7 +92,7 @@ module calor_scene
     real(wp), allocatable :: spacings(:), supports(:)
     !> Names of the schemes
     type(text_t), allocatable :: laplacians(:)
-    !> Orders of the scheme `consistent`; none: chosen by the program
+    !> Orders of the scheme `consistent`
     integer, allocatable :: orders(:)
     !> How often each entry is timed
     integer :: repetitions = 5
@@ -120,6 +121,8 @@ module calor_scene
     character(len=:), allocatable :: support_place
     !> Names of the derivative schemes
     character(len=:), allocatable :: laplacian, gradient
+    !> Order of the consistent schemes
+    integer :: order = default_order
     !> Whether poor rows are repaired
     logical :: support_growth = .true.
     !> Whether rows that cannot be exact, and an unstable operator, are run nevertheless

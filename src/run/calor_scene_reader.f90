@@ -8,11 +8,12 @@ module calor_scene_reader
   use calor_integrators, only: integrator_choices
   use calor_kernels, only: kernel_choices
   use calor_kinds, only: wp
-  use calor_laplacian_schemes, only: laplacian_choices
+  use calor_laplacian_schemes, only: laplacian_choices, usual_support
   use calor_scene, only: scene_t, boundary_t
   use calor_scene_contract, only: check_against_contract
   use calor_scene_file, only: scene_file_t, group_t, read_scene_file, parse_scene_text
   use calor_scene_getters, only: get, get_choice, get_choices, get_expression, place_of, raise_at
+  use calor_taylor_weights, only: default_order
   use calor_text, only: text_t, text_list, to_text
   implicit none (type, external)
   private
@@ -45,6 +46,8 @@ module calor_scene_reader
 
   !> A kernel that smooths over more spacings is a slip of the pen
   real(wp), parameter :: widest_support = 100.0_wp
+  !> Beyond it rounding takes over at spacings that anybody would use
+  integer, parameter :: highest_scene_order = 8
 
 contains
 
@@ -190,15 +193,12 @@ contains
     type(scene_file_t), intent(in) :: file
     type(scene_t), intent(inout) :: scene
     type(error_t), allocatable, intent(out) :: error
-    type(group_t) :: group
+    type(group_t) :: group, kernel_group
 
     call file%group('kernel', group)
     call get_choice(group, 'name', kernel_choices, scene%kernel, error, default='wendland_c2')
     if (allocated(error)) return
-    call get(group, 'support', scene%support, error, default=2.1_wp, positive=.true., &
-             maximum=widest_support)
-    if (allocated(error)) return
-    scene%support_place = place_of(group, 'support')
+    kernel_group = group
     call file%group('scheme', group)
     call get_choice(group, 'laplacian', laplacian_choices, scene%laplacian, error, &
                     default='fatehi_manzari')
@@ -206,6 +206,17 @@ contains
     call get_choice(group, 'gradient', gradient_choices, scene%gradient, error, &
                     default='renormalized')
     if (allocated(error)) return
+    call get(group, 'order', scene%order, error, default=default_order)
+    if (allocated(error)) return
+    if (scene%order < 1 .or. scene%order > highest_scene_order) then
+      call raise_at(error, group, 'order', 'the consistent schemes have the orders 1 to '// &
+                    to_text(highest_scene_order)//', not '//to_text(scene%order)//'.')
+      return
+    end if
+    call get(kernel_group, 'support', scene%support, error, positive=.true., &
+             default=usual_support(scene%laplacian, scene%order), maximum=widest_support)
+    if (allocated(error)) return
+    scene%support_place = place_of(kernel_group, 'support')
     call get(group, 'support_growth', scene%support_growth, error, default=.true.)
     if (allocated(error)) return
     call get(group, 'allow_inexact_rows', scene%allow_inexact_rows, error, default=.false.)
@@ -356,11 +367,21 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(group_t) :: group
     real(wp), parameter :: none(0) = [real(wp) ::]
+    real(wp), allocatable :: orders(:)
     integer, parameter :: most_repetitions = 1000
 
     call file%group('cost', group)
     associate (cost => scene%cost)
-      allocate (cost%orders(0))
+      call get(group, 'orders', orders, error, default=[2.0_wp, 4.0_wp, 6.0_wp, 8.0_wp], &
+               minimum=1.0_wp, maximum=real(highest_scene_order, wp))
+      if (allocated(error)) return
+      call refuse_twins(group, 'orders', orders, error)
+      if (allocated(error)) return
+      if (any(abs(orders - anint(orders)) > 0)) then
+        call raise_at(error, group, 'orders', 'orders are whole numbers.')
+        return
+      end if
+      cost%orders = nint(orders)
       cost%place = place_of(group, 'file')
       cost%spacings_place = place_of(group, 'spacings')
       if (scene%domain%shape == 'cloud') then

@@ -321,7 +321,7 @@ contains
     integer(ip), allocatable :: free(:)
     integer :: k
 
-    call make_laplacian_scheme(this%scene%laplacian, scheme, error)
+    call make_laplacian_scheme(this%scene%laplacian, scheme, error, this%scene%order)
     if (allocated(error)) return
     free = pack([(int(k, ip), k=1, this%cloud%particles())], this%cloud%side == 0)
     allocate (this%radius(this%cloud%particles()), source=this%support_radius)

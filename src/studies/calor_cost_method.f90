@@ -1,7 +1,7 @@
 !> A way to discretise the Laplacian, as `calor cost` compares it: scheme, order, support.
 module calor_cost_method
   use calor_kinds, only: wp
-  use calor_laplacian_schemes, only: laplacian_choices
+  use calor_laplacian_schemes, only: laplacian_choices, usual_support
   use calor_scene, only: scene_t
   use calor_text, only: to_text
   implicit none (type, external)
@@ -29,27 +29,51 @@ module calor_cost_method
 
 contains
 
-  !> The methods that a scene asks to compare, in its order.
-  pure function cost_methods(scene) result(methods)
+  !> The methods that a scene asks to compare, in its order. A scheme of several orders comes once
+  !> for each, with the support that suits the order; other schemes come once for each support.
+  function cost_methods(scene) result(methods)
     !> The scene
     type(scene_t), intent(in) :: scene
     type(cost_method_t), allocatable :: methods(:)
-    real(wp), allocatable :: supports(:)
-    integer :: k, j
+    integer :: k, j, number
 
-    supports = scene%cost%supports
-    if (size(supports) == 0) supports = [scene%support]
-    associate (laplacians => scene%cost%laplacians)
-      allocate (methods(size(laplacians)*size(supports)))
-      do k = 1, size(laplacians)
-        do j = 1, size(supports)
-          associate (method => methods((k - 1)*size(supports) + j))
-            method%laplacian = laplacians(k)%value
-            method%support = supports(j)
-          end associate
-        end do
+    associate (asked => scene%cost)
+      allocate (methods(size(asked%laplacians)*max(size(asked%orders), size(asked%supports), 1)))
+      number = 0
+      do k = 1, size(asked%laplacians)
+        associate (name => asked%laplacians(k)%value)
+          if (name == 'consistent') then
+            do j = 1, size(asked%orders)
+              call add(name, asked%orders(j), usual_support(name, asked%orders(j)))
+            end do
+          else if (size(asked%supports) > 0) then
+            do j = 1, size(asked%supports)
+              call add(name, 0, asked%supports(j))
+            end do
+          else if (scene%laplacian == 'consistent') then
+            ! The scene's own support suits an order that these schemes do not have.
+            call add(name, 0, usual_support(name, 0))
+          else
+            call add(name, 0, scene%support)
+          end if
+        end associate
       end do
     end associate
+    methods = methods(:number)
+
+  contains
+
+    subroutine add(laplacian, order, support)
+      character(len=*), intent(in) :: laplacian
+      integer, intent(in) :: order
+      real(wp), intent(in) :: support
+
+      number = number + 1
+      methods(number)%laplacian = laplacian
+      methods(number)%order = order
+      methods(number)%support = support
+    end subroutine add
+
   end function cost_methods
 
   pure subroutine apply(this, scene)
@@ -58,6 +82,7 @@ contains
     type(scene_t), intent(inout) :: scene
 
     scene%laplacian = this%laplacian
+    if (this%order > 0) scene%order = this%order
     if (this%support > 0) scene%support = this%support
   end subroutine apply
 

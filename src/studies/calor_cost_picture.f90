@@ -196,7 +196,8 @@ contains
       low = min(low, place)
       high = max(high, place)
     end do
-    low = low/2
+    ! Labels stand at the left below points.
+    low = low/[2, 6]
     high = high*1.5_wp
     ! On a short axis no power of ten might be marked.
     where (high < 100*low)

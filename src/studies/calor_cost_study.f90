@@ -47,7 +47,7 @@ module calor_cost_study
     !> Files that were written, and why a picture was not drawn, or ''
     type(text_t), allocatable :: written(:)
     character(len=:), allocatable :: picture_problem
-    !> Wall time when the study began, in counts of the system's clock
+    !> When the measurements began, in counts of the system's clock
     integer(i8), private :: began = 0
     !> Work done so far and the time that it took, s; the work is a model, good for a forecast only
     real(wp), private :: work_done = 0.0_wp, work_seconds = 0.0_wp
@@ -57,7 +57,7 @@ module calor_cost_study
     procedure :: prepare
     !> Measure all entries, and write what there is
     procedure :: measure
-    !> Wall time since the study began, s
+    !> Wall time since the measurements began, s
     procedure :: elapsed
     !> About how long it will still take, s; negative: not known yet
     procedure :: remaining
@@ -152,6 +152,7 @@ contains
     if (present(observer)) call observer%progressed(this, 0)
     call this%reference%find(this%scene, minval(this%entries%spacing), error)
     if (allocated(error)) return
+    call system_clock(this%began)
     rounds: do while (this%round <= this%scene%cost%repetitions)
       this%position = 0
       do while (this%position < size(this%entries))

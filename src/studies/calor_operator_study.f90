@@ -7,15 +7,18 @@ module calor_operator_study
   use calor_gradient_schemes, only: make_gradient_scheme
   use calor_kernel, only: kernel_t
   use calor_kernels, only: make_kernel
-  use calor_kinds, only: wp
+  use calor_kinds, only: wp, ip
+  use calor_laplacian_consistent, only: natural_support
   use calor_laplacian_scheme, only: laplacian_scheme_t
   use calor_laplacian_schemes, only: make_laplacian_scheme
   use calor_neighbour_list, only: neighbour_list_t, build_neighbour_list
+  use calor_row_report, only: row_report_t
   use calor_scene, only: scene_t
   use calor_scene_cloud, only: make_scene_cloud, require_neighbours
   use calor_scene_values, only: field_values
   use calor_simulation_file, only: write_origin, check_target
   use calor_sparse_operator, only: sparse_operator_t
+  use calor_sufficient_rows, only: assemble_sufficient_gradient, assemble_sufficient_laplacian
   implicit none (type, external)
   private
 
@@ -48,6 +51,10 @@ module calor_operator_study
     !> Write them to the file that the scene names
     procedure :: write => write_study
   end type operator_study_t
+
+  !> Schemes that are exact for more than the paper's are given the support that they need; the
+  !> others are taken as they are written
+  integer, parameter :: paper_gradient_degree = 1, paper_laplacian_degree = 2
 
 contains
 
@@ -116,12 +123,23 @@ contains
     type(error_t), allocatable, intent(out) :: error
     class(gradient_scheme_t), allocatable :: scheme
     type(sparse_operator_t) :: gradient_x, gradient_y
+    type(row_report_t) :: report
+    real(wp), allocatable :: grown(:)
+    integer(ip), allocatable :: all_particles(:)
+    integer :: k
 
-    call make_gradient_scheme(name, scheme, error)
+    call make_gradient_scheme(name, scheme, error, study%scene%order)
     if (allocated(error)) return
     associate (cloud => study%cloud)
-      call scheme%assemble(kernel, cloud%x, cloud%y, cloud%volume, radius, list, gradient_x, &
-                           gradient_y)
+      if (scheme%exact_degree() > paper_gradient_degree) then
+        grown = max(radius, natural_support(study%scene%order)*cloud%spacing)
+        all_particles = [(int(k, ip), k=1, cloud%particles())]
+        call assemble_sufficient_gradient(scheme, kernel, cloud%x, cloud%y, cloud%volume, grown, &
+                                          all_particles, gradient_x, gradient_y, report)
+      else
+        call scheme%assemble(kernel, cloud%x, cloud%y, cloud%volume, radius, list, gradient_x, &
+                             gradient_y)
+      end if
       derivative%name = 'gradient_'//name
       allocate (derivative%values(cloud%particles(), 2))
     end associate
@@ -139,11 +157,22 @@ contains
     type(error_t), allocatable, intent(out) :: error
     class(laplacian_scheme_t), allocatable :: scheme
     type(sparse_operator_t) :: laplacian
+    type(row_report_t) :: report
+    real(wp), allocatable :: grown(:)
+    integer(ip), allocatable :: all_particles(:)
+    integer :: k
 
-    call make_laplacian_scheme(name, scheme, error)
+    call make_laplacian_scheme(name, scheme, error, study%scene%order)
     if (allocated(error)) return
     associate (cloud => study%cloud)
-      call scheme%assemble(kernel, cloud%x, cloud%y, cloud%volume, radius, list, laplacian)
+      if (scheme%exact_degree() > paper_laplacian_degree) then
+        grown = max(radius, natural_support(study%scene%order)*cloud%spacing)
+        all_particles = [(int(k, ip), k=1, cloud%particles())]
+        call assemble_sufficient_laplacian(scheme, kernel, cloud%x, cloud%y, cloud%volume, grown, &
+                                           all_particles, laplacian, report)
+      else
+        call scheme%assemble(kernel, cloud%x, cloud%y, cloud%volume, radius, list, laplacian)
+      end if
       derivative%name = 'laplacian_'//name
       allocate (derivative%values(cloud%particles(), 1))
     end associate

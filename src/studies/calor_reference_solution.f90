@@ -1,18 +1,21 @@
 !> The temperature at the end of a scene that results are compared with: the scene's exact
 !> solution, or a computed one that is much more accurate than they are.
 !>
-!> The computed one is the most accurate method's on a cloud finer than the finest to be compared.
-!> How far to trust it is told by the same method on the next coarser cloud: the two differ by more
-!> than the finer one errs. It is handed to other places by polynomials of high degree.
+!> The computed one is that of the highest order on a cloud finer than the finest to be compared.
+!> How far to trust it is told by a less accurate one, on the next coarser cloud, or by the next
+!> lower order where the cloud is given: the two differ by more than the better one errs. It is
+!> handed to other places by polynomials of high degree.
 module calor_reference_solution
   use calor_cloud, only: cloud_t
   use calor_cost_method, only: cost_method_t
-  use calor_error, only: error_t, raise, status_bad_input
+  use calor_error, only: error_t
   use calor_expression, only: expression_t, compile_expression
   use calor_kinds, only: wp
+  use calor_laplacian_schemes, only: usual_support
   use calor_local_polynomial, only: interpolate_field
   use calor_scene, only: scene_t
   use calor_simulation, only: simulation_t
+  use calor_text, only: to_text
   use calor_time_choice, only: time_choice_t, choose_time_steps, pilot_scene, relative_difference
   implicit none (type, external)
   private
@@ -36,6 +39,10 @@ module calor_reference_solution
     procedure :: values_at
   end type reference_solution_t
 
+  !> Orders of the solution and, where the cloud is given, of the one that it is judged by
+  integer, parameter :: highest_order = 8, next_order = 6
+  !> How much finer its cloud is than the finest that is compared
+  real(wp), parameter :: refinement = sqrt(2.0_wp)
   !> Degree of the polynomials that carry the solution to other places
   integer, parameter :: transfer_degree = 6
   !> Errors of time steps: the first that is tried, the least, and what part they may be of the
@@ -54,7 +61,7 @@ contains
     !> The solution can be neither taken nor made
     type(error_t), allocatable, intent(out) :: error
     type(reference_solution_t) :: coarser
-    type(cost_method_t) :: method
+    type(cost_method_t) :: method, lesser
     real(wp), allocatable :: carried(:)
     real(wp) :: allowed
 
@@ -64,17 +71,19 @@ contains
       call compile_expression(scene%exact_expression, this%exact, error)
       return
     end if
+    method%laplacian = 'consistent'
+    method%order = highest_order
+    method%support = usual_support(method%laplacian, method%order)
+    lesser = method
     if (.not. finest > 0) then
-      call raise(error, status_bad_input, scene%path//': &domain: a cloud of one''s own cannot '// &
-                 'be made finer to find a solution to compare with: give &scene exact_expression.')
-      return
+      lesser%order = next_order
+      lesser%support = usual_support(lesser%laplacian, lesser%order)
     end if
-    method = cost_method_t('fatehi_manzari', support=2.1_wp)
     allowed = first_time_error
     do
-      call compute(coarser, scene, method, finest/2, allowed, error)
+      call compute(coarser, scene, lesser, finest, allowed, error)
       if (allocated(error)) return
-      call compute(this, scene, method, finest/4, allowed, error)
+      call compute(this, scene, method, finest/refinement, allowed, error)
       if (allocated(error)) return
       allocate (carried(coarser%cloud%particles()))
       call this%values_at(coarser%cloud%x, coarser%cloud%y, carried)
@@ -83,7 +92,9 @@ contains
       allowed = max(least_time_error, 0.5_wp*time_share*this%uncertainty)
       deallocate (carried)
     end do
-    this%origin = method%name()//', '//this%origin
+    method%support = 0
+    this%origin = method%name()//' with particles '//to_text(this%cloud%spacing, digits=3)// &
+                  ' m apart'
   end subroutine find
 
   !> Run the scene with one method.
@@ -91,7 +102,7 @@ contains
     class(reference_solution_t), intent(inout) :: solution
     type(scene_t), intent(in) :: scene
     type(cost_method_t), intent(in) :: method
-    !> Distance between particles, m
+    !> Distance between particles, m; 0: the cloud is given
     real(wp), intent(in) :: spacing
     !> The error that time steps may make, relative L2
     real(wp), intent(in) :: allowed
@@ -101,7 +112,7 @@ contains
     type(time_choice_t) :: choice
 
     finer = pilot_scene(scene)
-    finer%domain%spacing = spacing
+    if (spacing > 0) finer%domain%spacing = spacing
     finer%output%file = ''
     call method%apply(finer)
     call simulation%prepare(finer, error)
