@@ -34,7 +34,7 @@ module calor_cost_entry
     !> Number of particles, and of neighbours on average
     integer :: particles = 0
     real(wp) :: neighbours = 0.0_wp
-    !> Relative L2 error at the end
+    !> Relative L2 error at the end, or that of the solution compared with where that is larger
     real(wp) :: error = 0.0_wp
     !> The time steps and their error
     type(time_choice_t) :: time
@@ -87,7 +87,8 @@ contains
     if (allocated(error)) return
     allocate (truth(simulation%cloud%particles()))
     call reference%values_at(simulation%cloud%x, simulation%cloud%y, truth)
-    call choose_time_steps(simulation, time_share, this%time, error, truth)
+    call choose_time_steps(simulation, time_share, this%time, error, truth, &
+                           reference%uncertainty)
     if (allocated(this%time%temperature)) deallocate (this%time%temperature)
   end subroutine explore
 
@@ -128,7 +129,9 @@ contains
 
     allocate (truth(simulation%cloud%particles()))
     call reference%values_at(simulation%cloud%x, simulation%cloud%y, truth)
-    this%error = relative_difference(simulation%temperature, truth, simulation%cloud%volume)
+    ! No error is claimed to be smaller than that of what it is measured by.
+    this%error = max(reference%uncertainty, &
+                     relative_difference(simulation%temperature, truth, simulation%cloud%volume))
     this%spacing = simulation%cloud%spacing
     this%particles = simulation%cloud%particles()
     this%neighbours = simulation%mean_neighbours

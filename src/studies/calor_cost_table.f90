@@ -48,7 +48,8 @@ contains
     call add_wrapped(lines, '* on the front: none is both cheaper and more accurate. Error: '// &
                      'relative L2 at t = '//to_text(study%scene%time%end, digits=6)// &
                      ' s against '//compared_with(study)//'. Wall times: medians, '// &
-                     to_text(study%threads)//' threads; set-up: cloud, neighbours, tensors and '// &
+                     to_text(study%threads)//trim(merge(' thread ', ' threads', &
+                     study%threads == 1))//'; set-up: cloud, neighbours, tensors and '// &
                      'rows; control: spectral radius and first step; stable: the search for '// &
                      'unstable modes. The total is all that calor run does but for output.', 0)
     call warn_of_noise(lines, study%entries)
@@ -93,7 +94,7 @@ contains
     text = 'the exact solution'
     if (study%reference%origin /= '') then
       text = study%reference%origin//' (good to about '// &
-             to_text(study%reference%uncertainty, digits=1)//')'
+             to_text(study%reference%uncertainty, digits=1)//', the least error stated)'
     end if
   end function compared_with
 

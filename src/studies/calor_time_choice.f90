@@ -83,7 +83,7 @@ contains
   end function relative_difference
 
   !> Find the steps. With the method 'auto' Runge–Kutta 4 is taken where that is cheaper.
-  subroutine choose_time_steps(simulation, allowed, choice, error, truth)
+  subroutine choose_time_steps(simulation, allowed, choice, error, truth, known_to)
     !> A simulation just prepared from a `pilot_scene`; it stays at its start
     type(simulation_t), intent(inout) :: simulation
     !> The error that steps may make, relative L2 at the end; with `truth`, as a part of the error
@@ -95,20 +95,23 @@ contains
     type(error_t), allocatable, intent(out) :: error
     !> The true temperatures at the end, particle by particle
     real(wp), intent(in), optional :: truth(:)
+    !> The relative error of those; an error in space is not taken for smaller
+    real(wp), intent(in), optional :: known_to
     type(time_choice_t) :: other
     type(error_t), allocatable :: failure
     integer :: limit
 
     limit = huge(limit)
     if (simulation%scene%time%method == 'auto') limit = runge_kutta_evaluations(simulation)
-    call refine(simulation, simulation%scene%time%method, allowed, limit, choice, error, truth)
+    call refine(simulation, simulation%scene%time%method, allowed, limit, choice, error, truth, &
+                known_to)
     if (allocated(error)) return
     if (choice%evaluations <= limit) return
-    call refine(simulation, 'runge_kutta_4', allowed, huge(limit), other, failure, truth)
+    call refine(simulation, 'runge_kutta_4', allowed, huge(limit), other, failure, truth, known_to)
     if (allocated(failure)) then
       ! Off the real axis it is not always stable. What was given up for its sake is taken up.
       call refine(simulation, simulation%scene%time%method, allowed, huge(limit), choice, error, &
-                  truth)
+                  truth, known_to)
     else
       choice = other
     end if
@@ -117,7 +120,7 @@ contains
   !> Halve the steps of one method until their error is allowed and shorter ones cost more: very
   !> long steps take many stages, and trials of them. Give up where a run that is not good enough
   !> takes more than `limit` evaluations.
-  subroutine refine(simulation, method, allowed, limit, choice, error, truth)
+  subroutine refine(simulation, method, allowed, limit, choice, error, truth, known_to)
     type(simulation_t), intent(inout) :: simulation
     character(len=*), intent(in) :: method
     real(wp), intent(in) :: allowed
@@ -125,9 +128,10 @@ contains
     type(time_choice_t), intent(out) :: choice
     type(error_t), allocatable, intent(out) :: error
     real(wp), intent(in), optional :: truth(:)
+    real(wp), intent(in), optional :: known_to
     type(stepper_t) :: coarse, fine
     real(wp), allocatable :: u_coarse(:), u_fine(:)
-    real(wp) :: part, shorter, bound, error_coarse, error_fine
+    real(wp) :: part, shorter, in_space, bound, error_coarse, error_fine
     integer :: order
     logical :: found
 
@@ -147,7 +151,11 @@ contains
           if (fine%steps >= least_ratio*coarse%steps .or. shorter < least_part) exit
         end do
         bound = margin*allowed
-        if (present(truth)) bound = bound*relative_difference(u_fine, truth, volume)
+        if (present(truth)) then
+          in_space = relative_difference(u_fine, truth, volume)
+          if (present(known_to)) in_space = max(in_space, known_to)
+          bound = bound*in_space
+        end if
         bound = max(bound, least_error)
         ! Without shorter steps there is nothing to tell errors by.
         error_fine = huge(1.0_wp)
