@@ -21,7 +21,7 @@ fi
 # Prints the table $1 (CSV, without commas in the fields used) as Markdown, times in milliseconds.
 table() {
   awk -F, '
-    function ms(column) { return sprintf(1000*$column < 10 ? "%.2f" : "%.0f", 1000*$column) }
+    function ms(seconds) { return sprintf(1000*seconds < 10 ? "%.2f" : "%.0f", 1000*seconds) }
     NR == 1 {
       for (i = 1; i <= NF; i++) c[$i] = i
       print "| scheme | h/Δ | Δ, m | neighbours | error | of that by time | steps | evaluations" \
@@ -41,9 +41,9 @@ table() {
         rows[name $c["support"]] = rows[name $c["support"]] line sprintf( \
           "%.1f | %s%.1e%s | %.0e | %d | %d | %s | %s | %s | %s | %s%s%s | %.2f |\n", \
           $c["neighbours"], mark, $c["relative_l2_error"], mark, $c["time_error"], $c["steps"], \
-          $c["evaluations"], sprintf("%.3g", 1000*($c["cloud_seconds"] + $c["assembly_seconds"])), \
-          ms(c["step_control_seconds"]), ms(c["stability_seconds"]), ms(c["steps_seconds"]), \
-          mark, ms(c["total_seconds"]), mark, $c["memory_bytes"]/1e6)
+          $c["evaluations"], ms($c["cloud_seconds"] + $c["assembly_seconds"]), \
+          ms($c["step_control_seconds"]), ms($c["stability_seconds"]), ms($c["steps_seconds"]), \
+          mark, ms($c["total_seconds"]), mark, $c["memory_bytes"]/1e6)
       }
       if (!(name $c["support"] in seen)) { seen[name $c["support"]]; order[++methods] = name $c["support"] }
     }
