@@ -1,7 +1,7 @@
 !> How far a comparison of costs is: a bar with the remaining time where a terminal shows it.
 module cost_progress
   use calor, only: cost_observer_t, cost_study_t, to_text, wp
-  use terminal, only: is_terminal, show_in_place
+  use terminal, only: say_in_place
   implicit none (type, external)
   private
 
@@ -25,10 +25,9 @@ contains
 
     associate (unused => this)
     end associate
-    if (.not. is_terminal()) return
     call study%measurements(done, all)
     if (entry == 0 .and. done > 0) then
-      call show_in_place('')
+      call say_in_place('')
       return
     end if
     filled = (bar_width*done)/max(1, all)
@@ -42,7 +41,7 @@ contains
       line = line//'  solution to compare with'
     end if
     if (study%remaining() >= 0) line = line//', about '//duration(study%remaining())//' left'
-    call show_in_place(line(:min(len(line), 79)))
+    call say_in_place(line(:min(len(line), 79)))
   end subroutine progressed
 
   !> '45 s' or '3 min 20 s'

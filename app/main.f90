@@ -10,10 +10,13 @@ program main
                    operator_study_t, describe_plan, describe_result, describe_derivatives, &
                    write_new_scene, contract_help, contract_groups, kernel_choices, &
                    laplacian_choices, gradient_choices, integrator_choices, arrangement_choices, &
-                   skip_hdf5_cleanup, ignore_file_size_signal
+                   skip_hdf5_cleanup, ignore_file_size_signal, convergence_study_t, &
+                   describe_convergence, check_convergence_files, write_convergence, &
+                   draw_convergence, convergence_table_file, convergence_pictures
+  use convergence_progress, only: convergence_progress_t
   use cost_progress, only: cost_progress_t
   use run_progress, only: run_progress_t
-  use terminal, only: say, everything_said
+  use terminal, only: say, say_in_place, everything_said
   implicit none (type, external)
 
   !> What a user may ask for
@@ -21,6 +24,7 @@ program main
       choice_t('run', 'simulate a scene and write its fields'), &
       choice_t('check', 'say what a scene would simulate, and check it, without running it'), &
       choice_t('operators', 'evaluate derivative schemes on a scene''s cloud'), &
+      choice_t('convergence', 'measure how derivative schemes converge, against theory'), &
       choice_t('cost', 'compare schemes by accuracy and wall time'), &
       choice_t('new', 'write a commented scene to start from') &
       ]
@@ -68,7 +72,7 @@ contains
       call show_help(error)
     case ('-V', '--version', 'version')
       call say('calor '//version)
-    case ('run', 'check', 'operators', 'cost', 'new')
+    case ('run', 'check', 'operators', 'convergence', 'cost', 'new')
       if (any_help()) then
         call show_command_help(command)
       else
@@ -81,6 +85,8 @@ contains
           call check(argument(2), error)
         case ('operators')
           call operators(argument(2), error)
+        case ('convergence')
+          call convergence(argument(2), error)
         case ('cost')
           call cost(argument(2), error)
         case default
@@ -164,6 +170,37 @@ contains
     if (study%any_measured()) call say_lines(describe_costs(study))
   end subroutine cost
 
+  subroutine convergence(path, error)
+    !> '' for the study of the program's own
+    character(len=*), intent(in) :: path
+    type(error_t), allocatable, intent(out) :: error
+    type(scene_t) :: scene
+    type(convergence_study_t) :: study
+    type(convergence_progress_t) :: progress
+    integer :: k
+
+    call check_convergence_files(error)
+    if (allocated(error)) return
+    if (command_argument_count() > 1) then
+      call read_scene(path, scene, error)
+      if (.not. allocated(error)) call study%evaluate(error, scene, watcher=progress)
+    else
+      call study%evaluate(error, watcher=progress)
+    end if
+    call say_in_place('')
+    if (allocated(error)) return
+    call say_lines(describe_convergence(study))
+    call say('')
+    call write_convergence(study, convergence_table_file, error)
+    if (allocated(error)) return
+    call say('All numbers are in '//convergence_table_file//'.')
+    do k = 1, size(convergence_pictures)
+      call draw_convergence(study, convergence_pictures(k), error)
+      if (allocated(error)) return
+      call say('A picture is in '//convergence_pictures(k)//'.')
+    end do
+  end subroutine convergence
+
   subroutine new(name, error)
     character(len=*), intent(in) :: name
     type(error_t), allocatable, intent(out) :: error
@@ -193,7 +230,7 @@ contains
     call say('')
     call say('Usage:')
     do k = 1, size(commands)
-      call say('  calor '//commands(k)%name(1:10)//place_holder(trim(commands(k)%name))//'   '// &
+      call say('  calor '//commands(k)%name(1:12)//place_holder(trim(commands(k)%name))//'  '// &
                trim(commands(k)%summary))
     end do
     call say('  calor COMMAND --help    more about a command')
@@ -229,6 +266,13 @@ contains
       call show_choices('&kernel name', kernel_choices)
       call show_choices('&operators gradients', gradient_choices)
       call show_choices('&operators laplacians', laplacian_choices)
+    case ('convergence')
+      call say('Refines lattices and irregular clouds in three ways and writes convergence.csv,')
+      call say('convergence.svg and convergence.png into the current folder. Takes some seconds.')
+      call say('SCENE, a namelist file, may say what is refined: &domain (its spacing is the')
+      call say('coarsest, a 16th of it the finest), &kernel, and in &operators field and schemes.')
+      call show_groups(text_list([character(len=9) :: 'domain', 'kernel', 'operators']))
+      call show_choices('&kernel name', kernel_choices)
     case ('cost')
       call say('Runs SCENE with several schemes, spacings and supports, and reports error, wall')
       call say('time by phase and memory of each: a table, a file (CSV) and pictures (SVG, PNG).')
@@ -270,11 +314,12 @@ contains
     character(len=*), intent(in) :: command
     character(len=:), allocatable :: word
 
-    word = 'SCENE'
-    if (command == 'new') word = 'NAME '
+    word = 'SCENE  '
+    if (command == 'new') word = 'NAME   '
+    if (command == 'convergence') word = '[SCENE]'
   end function place_holder
 
-  !> Exactly one argument, and no unknown option.
+  !> Exactly one argument, or none where it may be left out, and no unknown option.
   subroutine check_arguments(command, error)
     character(len=*), intent(in) :: command
     type(error_t), allocatable, intent(out) :: error
@@ -287,6 +332,7 @@ contains
         return
       end if
     end do
+    if (command == 'convergence' .and. command_argument_count() == 1) return
     if (command_argument_count() /= 2) then
       call raise(error, status_bad_input, 'calor '//command//' takes one argument, '// &
                  trim(place_holder(command))//', but '//to_text(command_argument_count() - 1)// &

@@ -6,6 +6,11 @@ module calor
   use calor_cloud_check, only: check_cloud
   use calor_cloud_file, only: read_cloud_file
   use calor_constants, only: pi
+  use calor_convergence_description, only: describe_convergence, convergence_document
+  use calor_convergence_files, only: write_convergence, draw_convergence, &
+                                     check_convergence_files, convergence_table_file, &
+                                     convergence_pictures
+  use calor_convergence_study, only: convergence_study_t, convergence_watcher_t
   use calor_cost_entry, only: cost_entry_t
   use calor_cost_study, only: cost_study_t, cost_observer_t
   use calor_cost_table, only: describe_costs

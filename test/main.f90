@@ -7,7 +7,9 @@ program main
   use calor_hdf5, only: skip_hdf5_cleanup
   use testdrive, only: run_testsuite, new_testsuite, testsuite_type, select_suite, run_selected
   use test_consistent, only: collect_consistent
+  use test_convergence_study, only: collect_convergence_study
   use test_documents, only: collect_documents
+  use test_error_estimate, only: collect_error_estimate
   use test_expression, only: collect_expression
   use test_scene_contract, only: collect_scene_contract
   use test_scene_file, only: collect_scene_file
@@ -46,7 +48,9 @@ program main
            new_testsuite('stable rows', collect_stable_rows), &
            new_testsuite('consistent', collect_consistent), &
            new_testsuite('heat', collect_heat), &
+           new_testsuite('error estimate', collect_error_estimate), &
            new_testsuite('hard cases', collect_hard_cases), &
+           new_testsuite('convergence study', collect_convergence_study), &
            new_testsuite('cost study', collect_cost_study), &
            new_testsuite('kernels', collect_kernels), &
            new_testsuite('neighbour list', collect_neighbour_list), &

@@ -363,7 +363,6 @@ contains
         case_t('&time end = 1 steady = .true. /', 2, 'line 8: &time steady|this version'), &
         case_t('&source power = 1 /', 2, 'line 11: &source|this version|yet'), &
         case_t('&motion velocity_x = 1 /', 2, 'line 11: &motion|this version|yet'), &
-        case_t('&accuracy estimate = .true. /', 2, 'line 11: &accuracy|this version|yet'), &
         case_t('&checkpoint file = ''a.h5'' /', 2, 'line 11: &checkpoint|this version|yet')])
   end subroutine test_later
 
@@ -381,6 +380,8 @@ contains
                'line 7: &boundary value_exp|position'), &
         case_t('&boundary value_expression = ''log(-1-x)'' /', 2, 'line 7: &boundary|no number'), &
         case_t('&boundary value_expression = ''sqrt(0.01-t)'' /', 3, 't = 0.01 s|no numbers'), &
+        case_t('&output file = ''o.vtkhdf'' fields = ''error_estimate'' /', 2, &
+               'line 9: &output fields|error_estimate|&accuracy estimate'), &
         case_t('&scene exact_expression = ''x y'' /', 2, 'line 1: &scene exact_expression')])
   end subroutine test_wrong_expressions
 

@@ -1,7 +1,7 @@
 !> Runs the programs of example/ and looks at the numbers that they print.
 module test_examples
   use calor_kinds, only: wp
-  use test_process, only: outcome_t, run_command, environment_or, number_after
+  use test_process, only: outcome_t, run_command, environment_or, number_after, contents_of
   use testdrive, only: new_unittest, unittest_type, error_type, check, test_failed
   implicit none (type, external)
   private
@@ -13,7 +13,8 @@ module test_examples
   !> Every example; each has a test below
   character(len=*), parameter :: examples(*) = [character(len=20) :: 'heat_in_ten_lines', &
       'laplacian_of_a_field', 'neighbour_list', 'own_kernel', 'own_scheme', 'error_table', &
-      'operator_table', 'field_as_text', 'scene_reference', 'hard_cases']
+      'operator_table', 'field_as_text', 'scene_reference', 'hard_cases', &
+      'convergence_table']
 
 contains
 
@@ -31,6 +32,7 @@ contains
                 new_unittest('operator_table', test_operator_table), &
                 new_unittest('field_as_text', test_field_as_text), &
                 new_unittest('hard_cases', test_hard_cases), &
+                new_unittest('convergence_table', test_convergence_table), &
                 new_unittest('scene_reference', test_scene_reference) &
                 ]
   end subroutine collect_examples
@@ -86,6 +88,17 @@ contains
     if (number >= lowest .and. number <= highest) return
     call test_failed(error, 'Wrong number after "'//phrase//'" in:'//new_line('a')//outcome%output)
   end subroutine check_number
+
+  subroutine test_convergence_table(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(outcome_t) :: outcome
+
+    call run_example('convergence_table', outcome, error, folder//'/convergence.svg')
+    if (allocated(error)) return
+    call check_number(error, outcome, 'only fatehi_manzari (', 0.9_wp, 1.1_wp)
+    if (allocated(error)) return
+    call check(error, contents_of(folder//'/convergence.svg') /= '', 'there is no picture')
+  end subroutine test_convergence_table
 
   subroutine test_heat_in_ten_lines(error)
     type(error_type), allocatable, intent(out) :: error

@@ -171,8 +171,6 @@ contains
     if (allocated(error)) return
     call refuse('&motion velocity_x_expression = ''-y'' /', 'cannot move the particles yet', error)
     if (allocated(error)) return
-    call refuse('&accuracy estimate = .true. /', 'cannot estimate its own error yet', error)
-    if (allocated(error)) return
     call refuse('&checkpoint file = ''a'' /', 'cannot write checkpoints yet', error)
   end subroutine test_later_groups
 

@@ -19,3 +19,5 @@ for picture in plate error_table; do
   gnuplot -e "data='$scratch/$picture.txt'; scratch='$scratch'; picture='$folder/$picture.png'" "tools/$picture.gnuplot"
   echo "$folder/$picture.png"
 done
+"$examples/convergence_table" "$folder/convergence.png" >/dev/null
+echo "$folder/convergence.png"

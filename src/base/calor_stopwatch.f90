@@ -26,6 +26,8 @@ module calor_stopwatch
     procedure :: stop => stop_phase
     !> Wall time of all phases, s
     procedure :: total
+    !> Take over the phases of another stopwatch that ran inside one of this one's
+    procedure :: take_over
   end type stopwatch_t
 
 contains
@@ -57,6 +59,28 @@ contains
     end associate
     this%running = 0
   end subroutine stop_phase
+
+  subroutine take_over(this, inner, outer_phase)
+    class(stopwatch_t), intent(inout) :: this
+    !> The other; it starts from zero again
+    type(stopwatch_t), intent(inout) :: inner
+    !> The phase of this one that held the time so far
+    character(len=*), intent(in) :: outer_phase
+    real(wp) :: seconds
+    integer :: k
+
+    seconds = inner%total()
+    if (.not. allocated(inner%phases)) return
+    do k = 1, size(inner%phases)
+      call this%start(trim(inner%phases(k)%name))
+      call this%stop()
+      where (this%phases%name == inner%phases(k)%name)
+        this%phases%seconds = this%phases%seconds + inner%phases(k)%seconds
+      end where
+    end do
+    where (this%phases%name == outer_phase) this%phases%seconds = this%phases%seconds - seconds
+    deallocate (inner%phases)
+  end subroutine take_over
 
   pure function total(this) result(seconds)
     class(stopwatch_t), intent(in) :: this

@@ -77,7 +77,7 @@ module calor_scene_contract
       group_rule_t('motion', one, later, 'move the particles'), &
       group_rule_t('time', one, now, 'how long and in which steps'), &
       group_rule_t('output', one, now, 'what is written, where and how often'), &
-      group_rule_t('accuracy', one, later, 'estimate its own error'), &
+      group_rule_t('accuracy', one, now, 'how far the run knows and bounds its own error'), &
       group_rule_t('checkpoint', one, later, 'write checkpoints'), &
       group_rule_t('operators', one, now, 'a field whose derivatives are evaluated'), &
       group_rule_t('cost', one, now, 'schemes and spacings whose accuracy and cost are compared')]
@@ -144,7 +144,7 @@ module calor_scene_contract
       key_rule_t('output', 'file', text, now, '', 'the file to write (VTKHDF)'), &
       key_rule_t('output', 'every', number, now, '', 'time between outputs, s'), &
       key_rule_t('output', 'fields', texts, now, '''temperature''', 'what to write'), &
-      key_rule_t('accuracy', 'estimate', yes_no, later, '.false.', 'estimate the error'), &
+      key_rule_t('accuracy', 'estimate', yes_no, now, '.false.', 'estimate the error'), &
       key_rule_t('accuracy', 'target', number, later, '', 'the error to reach'), &
       key_rule_t('checkpoint', 'file', text, later, '', 'the file to write'), &
       key_rule_t('checkpoint', 'every_seconds', number, later, '', 'time between two, s'), &

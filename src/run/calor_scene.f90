@@ -6,7 +6,18 @@ module calor_scene
   implicit none (type, external)
   private
 
-  public :: scene_t, domain_t, material_t, boundary_t, time_t, output_t, operators_t, cost_t
+  public :: scene_t, accuracy_t, domain_t, material_t, boundary_t, time_t, output_t, operators_t, &
+            cost_t
+
+  !> What is asked of the error
+  type :: accuracy_t
+    !> Whether a run estimates its own error
+    logical :: estimate = .false.
+    !> The relative L2 error to reach; 0: none
+    real(wp) :: target = 0.0_wp
+    !> Where the scene says so
+    character(len=:), allocatable :: place
+  end type accuracy_t
 
   !> Where the body is and how particles fill it
   type :: domain_t
@@ -134,6 +145,7 @@ module calor_scene
     type(boundary_t), allocatable :: boundaries(:)
     type(time_t) :: time
     type(output_t) :: output
+    type(accuracy_t) :: accuracy
     type(operators_t) :: operators
     type(cost_t) :: cost
   end type scene_t

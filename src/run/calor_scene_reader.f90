@@ -36,6 +36,8 @@ module calor_scene_reader
       choice_t('temperature', 'the temperature'), &
       choice_t('exact', 'the true temperature, where the scene gives it'), &
       choice_t('error', 'temperature less true temperature'), &
+      choice_t('error_estimate', 'estimate of true temperature less temperature'), &
+      choice_t('temperature_corrected', 'temperature plus that estimate'), &
       choice_t('row_quality', 'sum of |a_ij| over |a_ii| of each row: 1 is best'), &
       choice_t('row_repair', '0 as written, 1 support grown, 2 positive, 3 inexact, 4 none'), &
       choice_t('neighbours', 'neighbours with a weight'), &
@@ -101,6 +103,8 @@ contains
     call read_boundaries(file, scene, error)
     if (allocated(error)) return
     call read_time(file, scene, error)
+    if (allocated(error)) return
+    call read_accuracy(file, scene, error)
     if (allocated(error)) return
     call read_output(file, scene, error)
     if (allocated(error)) return
@@ -301,6 +305,18 @@ contains
     end associate
   end subroutine read_time
 
+  subroutine read_accuracy(file, scene, error)
+    type(scene_file_t), intent(in) :: file
+    type(scene_t), intent(inout) :: scene
+    type(error_t), allocatable, intent(out) :: error
+    type(group_t) :: group
+
+    call file%group('accuracy', group)
+    call get(group, 'estimate', scene%accuracy%estimate, error, default=.false.)
+    if (allocated(error)) return
+    scene%accuracy%place = place_of(group, '')
+  end subroutine read_accuracy
+
   subroutine read_output(file, scene, error)
     type(scene_file_t), intent(in) :: file
     type(scene_t), intent(inout) :: scene
@@ -320,6 +336,19 @@ contains
       call get_choices(group, 'fields', field_choices, output%fields, error, &
                        default=text_list(['temperature']))
       if (allocated(error)) return
+      if (scene%accuracy%estimate) then
+        if (all([(output%fields(k)%value /= 'error_estimate', k=1, size(output%fields))])) then
+          output%fields = [output%fields, text_t('error_estimate')]
+        end if
+      else
+        do k = 1, size(output%fields)
+          if (all(output%fields(k)%value /= &
+                  [character(len=21) :: 'error_estimate', 'temperature_corrected'])) cycle
+          call raise_at(error, group, 'fields', 'the field '''//output%fields(k)%value// &
+                        ''' needs the estimate: add &accuracy estimate = .true. /.')
+          return
+        end do
+      end if
       if (scene%exact_expression /= '') return
       do k = 1, size(output%fields)
         if (all(output%fields(k)%value /= [character(len=5) :: 'exact', 'error'])) cycle

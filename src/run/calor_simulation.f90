@@ -2,6 +2,7 @@
 module calor_simulation
   use calor_cloud, only: cloud_t
   use calor_conduction, only: conduction_t
+  use calor_error_transport, only: error_transport_t
   use calor_error, only: error_t, raise, status_bad_input, status_bad_numbers
   use calor_expression, only: expression_t, compile_expression
   use calor_integrators, only: make_integrator
@@ -9,7 +10,7 @@ module calor_simulation
   use calor_kernels, only: make_kernel
   use calor_kinds, only: wp, ip
   use calor_laplacian_scheme, only: laplacian_scheme_t
-  use calor_laplacian_schemes, only: make_laplacian_scheme
+  use calor_laplacian_schemes, only: make_laplacian_scheme, usual_support
   use calor_neighbour_list, only: neighbour_list_t, build_neighbour_list
   use calor_rightmost_eigenvalue, only: rightmost_t, find_rightmost
   use calor_row_quality, only: measure_rows
@@ -20,6 +21,7 @@ module calor_simulation
   use calor_scene_walls, only: hold_walls
   use calor_simulation_file, only: simulation_file_t, check_target
   use calor_spectral_radius, only: estimate_spectral_radius
+  use calor_sufficient_rows, only: assemble_sufficient_laplacian
   use calor_stable_rows, only: assemble_stable_rows, row_repairs_t, as_written, inexact_stencil
   use calor_stepper, only: stepper_t
   use calor_stopwatch, only: stopwatch_t
@@ -33,6 +35,10 @@ module calor_simulation
   real(wp), parameter :: safe_part = 0.9_wp
   !> What would take more steps of forward Euler is out of reach of every method
   real(wp), parameter :: most_euler_steps = 1.0e15_wp
+  !> The error of a scheme that is exact up to this degree or less varies from particle to particle;
+  !> it is estimated with a consistent scheme of this order, that of others with one of two more
+  !> than their own
+  integer, parameter :: largest_rough_degree = 2, rough_reference_order = 3
   !> Error of one step, as a part of the range of given temperatures, where the scene gives none
   real(wp), parameter :: default_tolerance = 1.0e-6_wp
 
@@ -69,6 +75,8 @@ module calor_simulation
     !> Time, s, and temperatures, in the cloud's order
     real(wp) :: time = 0.0_wp
     real(wp), allocatable :: temperature(:)
+    !> The error of the temperatures, where the scene asks for it
+    type(error_transport_t), allocatable :: estimate
     !> Wall time by phase
     type(stopwatch_t) :: stopwatch
     !> The true temperature, where the scene gives it
@@ -88,7 +96,12 @@ module calor_simulation
     procedure :: knows_exact
     !> ‖u - u_exact‖ / ‖u_exact‖ in the L2 norm over all particles, weighted by their volumes
     procedure :: relative_l2_error
+    !> Estimate of that error, from the error carried along
+    procedure :: estimated_error
+    !> Estimate of the largest error of a temperature, K
+    procedure :: estimated_maximum_error
     procedure, private :: assemble
+    procedure, private :: prepare_estimate
     procedure, private :: start_temperature
     procedure, private :: count_neighbours
     procedure, private :: choose_steps
@@ -155,6 +168,11 @@ contains
     call this%stopwatch%start('step control')
     call this%choose_steps(error)
     if (allocated(error)) return
+    if (scene%accuracy%estimate) then
+      call this%stopwatch%start('error estimate')
+      call this%prepare_estimate(kernel, error)
+      if (allocated(error)) return
+    end if
     call this%stopwatch%start('stability')
     call this%find_growth()
     call this%stopwatch%stop()
@@ -188,13 +206,22 @@ contains
       end if
       ! After a failure the state is the last good one: it is written too.
       call this%stopwatch%start('output')
-      call file%write_state(this%time, this%temperature, this%exact, file_error)
+      if (allocated(this%estimate)) then
+        call file%write_state(this%time, this%temperature, this%exact, file_error, &
+                              this%estimate%error)
+      else
+        call file%write_state(this%time, this%temperature, this%exact, file_error)
+      end if
       call this%stopwatch%stop()
       if (allocated(error) .or. allocated(file_error)) exit
       if (present(observer)) call observer%reached(this)
     end do
     if (.not. allocated(file_error)) then
       if (this%knows_exact()) call file%note('relative_l2_error', this%relative_l2_error())
+      if (allocated(this%estimate)) then
+        call file%note('estimated_error', this%estimated_error())
+        call file%note('estimated_maximum_error', this%estimated_maximum_error())
+      end if
       call file%close(this%stopwatch%phases, file_error)
     else
       call file%abandon()
@@ -260,8 +287,18 @@ contains
     type(error_t), allocatable, intent(out) :: error
 
     call this%stopwatch%start('steps')
-    call this%stepper%advance_to(this%conduction, this%time, time, this%temperature, error)
-    call this%stopwatch%stop()
+    if (allocated(this%estimate)) then
+      call this%stepper%advance_to(this%conduction, this%time, time, this%temperature, error, &
+                                   watcher=this%estimate)
+      if (.not. allocated(error)) then
+        call this%estimate%catch_up(this%conduction, this%time, this%temperature, error)
+      end if
+      call this%stopwatch%stop()
+      call this%stopwatch%take_over(this%estimate%stopwatch, 'steps')
+    else
+      call this%stepper%advance_to(this%conduction, this%time, time, this%temperature, error)
+      call this%stopwatch%stop()
+    end if
   end subroutine advance_to
 
   function knows_exact(this) result(answer)
@@ -283,6 +320,65 @@ contains
     deviation = sqrt(sum(this%cloud%volume*(this%temperature - exact)**2))
     if (norm > 0) deviation = deviation/norm
   end function relative_l2_error
+
+  pure function estimated_error(this) result(deviation)
+    class(simulation_t), intent(in) :: this
+    real(wp) :: deviation
+    real(wp) :: norm
+
+    associate (volume => this%cloud%volume, e => this%estimate%error)
+      norm = sqrt(sum(volume*(this%temperature + e)**2))
+      deviation = sqrt(sum(volume*e**2))
+      if (norm > 0) deviation = deviation/norm
+    end associate
+  end function estimated_error
+
+  pure function estimated_maximum_error(this) result(largest)
+    class(simulation_t), intent(in) :: this
+    real(wp) :: largest
+
+    largest = maxval(abs(this%estimate%error))
+  end function estimated_maximum_error
+
+  !> The same problem by a scheme of higher order, with which the error is carried along.
+  subroutine prepare_estimate(this, kernel, error)
+    class(simulation_t), intent(inout) :: this
+    class(kernel_t), intent(in) :: kernel
+    type(error_t), allocatable, intent(out) :: error
+    class(laplacian_scheme_t), allocatable :: scheme
+    type(conduction_t) :: reference
+    type(row_report_t) :: report
+    type(row_repairs_t) :: repairs
+    real(wp), allocatable :: radius(:)
+    real(wp) :: spectral_radius
+    integer :: order
+    logical :: rough
+
+    call make_laplacian_scheme(this%scene%laplacian, scheme, error, this%scene%order)
+    if (allocated(error)) return
+    rough = scheme%exact_degree() <= largest_rough_degree
+    order = rough_reference_order
+    if (.not. rough) order = this%scene%order + 2
+    call make_laplacian_scheme('consistent', scheme, error, order)
+    if (allocated(error)) return
+    allocate (radius(this%cloud%particles()), &
+              source=usual_support('consistent', order)*this%cloud%spacing)
+    reference = this%conduction
+    associate (cloud => this%cloud, free => this%conduction%laplacian%target)
+      if (rough) then
+        call assemble_stable_rows(scheme, kernel, cloud%x, cloud%y, cloud%volume, radius, free, &
+                                  reference%laplacian, report, repairs)
+        spectral_radius = reference%spectral_bound()
+      else
+        call assemble_sufficient_laplacian(scheme, kernel, cloud%x, cloud%y, cloud%volume, radius, &
+                                           free, reference%laplacian, report)
+        spectral_radius = this%stepper%spectral_radius
+      end if
+    end associate
+    allocate (this%estimate)
+    call this%estimate%begin(this%conduction, reference, this%time, this%temperature, &
+                             spectral_radius, carried_by_reference=rough)
+  end subroutine prepare_estimate
 
   !> The temperature at the start, walls included, and the true temperature if it is known.
   subroutine start_temperature(this, error)

@@ -153,7 +153,7 @@ contains
     call this%file%add_static(name, values(this%place), this%pending)
   end subroutine write_static
 
-  subroutine write_state(this, time, temperature, exact, error)
+  subroutine write_state(this, time, temperature, exact, error, estimate)
     class(simulation_file_t), intent(inout) :: this
     !> Time, s
     real(wp), intent(in) :: time
@@ -163,6 +163,8 @@ contains
     type(expression_t), intent(in) :: exact
     !> The file cannot be written
     type(error_t), allocatable, intent(out) :: error
+    !> Estimate of true temperature less temperature; needed only for fields made of it
+    real(wp), intent(in), optional :: estimate(:)
     real(wp), allocatable :: ordered(:), truth(:)
     integer :: k
 
@@ -174,6 +176,14 @@ contains
       select case (this%fields(k)%value)
       case ('temperature')
         call this%file%write_field('temperature', ordered, error)
+      case ('error_estimate')
+        if (present(estimate)) then
+          call this%file%write_field('error_estimate', estimate(this%place), error)
+        end if
+      case ('temperature_corrected')
+        if (present(estimate)) then
+          call this%file%write_field('temperature_corrected', ordered + estimate(this%place), error)
+        end if
       case ('exact', 'error')
         if (.not. allocated(truth)) then
           allocate (truth(size(ordered)))

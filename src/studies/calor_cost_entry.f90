@@ -67,6 +67,8 @@ contains
     own = scene
     own%output%file = ''
     own%output%every = 0
+    ! A run that estimates its own error takes longer.
+    own%accuracy%estimate = .false.
     if (this%spacing > 0) own%domain%spacing = this%spacing
     call this%method%apply(own)
   end function scene_of

@@ -10,12 +10,18 @@ module calor_forward_euler
   public :: forward_euler_t
 
   type, extends(integrator_t) :: forward_euler_t
+    private
+    !> F at the start of the step being computed, of the last one and of the one before
+    real(wp), allocatable :: rate(:), last(:), before(:)
   contains
     procedure :: longest_stable_step
     procedure :: longest_monotone_step
     procedure :: estimates_error
     procedure :: order
     procedure :: advance
+    procedure :: accept
+    procedure :: add_step_error
+    procedure :: restart
   end type forward_euler_t
 
 contains
@@ -65,15 +71,48 @@ contains
     real(wp), intent(out) :: local_error
     integer :: k
 
-    call evolution%rate(time, u, u_next)
+    if (.not. allocated(this%rate)) allocate (this%rate(size(u)))
+    call evolution%rate(time, u, this%rate)
     this%evaluations = this%evaluations + 1
     !$omp parallel do if (size(u) > worth_threads) schedule(static) default(shared) private(k)
     do k = 1, size(u)
-      u_next(k) = u(k) + step*u_next(k)
+      u_next(k) = u(k) + step*this%rate(k)
     end do
     !$omp end parallel do
     call evolution%impose(time + step, u_next)
     local_error = 0
   end subroutine advance
+
+  subroutine accept(this)
+    class(forward_euler_t), intent(inout) :: this
+    real(wp), allocatable :: spare(:)
+
+    call move_alloc(this%before, spare)
+    call move_alloc(this%last, this%before)
+    call move_alloc(this%rate, this%last)
+    call move_alloc(spare, this%rate)
+  end subroutine accept
+
+  !> Δt²/2 u'', from the change of F since the step before; the first step tells nothing.
+  subroutine add_step_error(this, step, total)
+    class(forward_euler_t), intent(in) :: this
+    real(wp), intent(in) :: step
+    real(wp), intent(inout) :: total(:)
+    integer :: k
+
+    if (.not. allocated(this%before)) return
+    !$omp parallel do if (size(total) > worth_threads) schedule(static) default(shared) private(k)
+    do k = 1, size(total)
+      total(k) = total(k) + 0.5_wp*step*(this%last(k) - this%before(k))
+    end do
+    !$omp end parallel do
+  end subroutine add_step_error
+
+  subroutine restart(this)
+    class(forward_euler_t), intent(inout) :: this
+
+    if (allocated(this%before)) deallocate (this%before)
+    if (allocated(this%last)) deallocate (this%last)
+  end subroutine restart
 
 end module calor_forward_euler

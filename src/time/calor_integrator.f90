@@ -27,6 +27,10 @@ module calor_integrator
     procedure(advance_interface), deferred :: advance
     !> The step just computed becomes the state that the next one starts from
     procedure :: accept
+    !> Add the estimated error of the step just accepted, true less computed state, to a vector
+    procedure :: add_step_error
+    !> Forget what was carried over from the last step: F is another one now
+    procedure :: restart
   end type integrator_t
 
   abstract interface
@@ -109,5 +113,24 @@ contains
     associate (unused => this)
     end associate
   end subroutine accept
+
+  subroutine add_step_error(this, step, total)
+    class(integrator_t), intent(in) :: this
+    !> The length of the step, s
+    real(wp), intent(in) :: step
+    !> What the error is added to
+    real(wp), intent(inout) :: total(:)
+
+    ! A method that estimates no error adds nothing.
+    associate (unused => this, also => step, and => total)
+    end associate
+  end subroutine add_step_error
+
+  subroutine restart(this)
+    class(integrator_t), intent(inout) :: this
+
+    associate (unused => this)
+    end associate
+  end subroutine restart
 
 end module calor_integrator

@@ -28,6 +28,8 @@ module calor_rkl2
     real(wp), allocatable :: rate_start(:), rate_end(:)
     !> F of a stage, and the two stages before
     real(wp), allocatable :: rate_stage(:), stage(:, :)
+    !> The error of the step just computed is this times rate_stage
+    real(wp) :: error_factor = 0.0_wp
     !> Whether rate_start belongs to the state that the next step starts from
     logical :: started = .false.
     !> So many stages are stable for this spectrum
@@ -41,6 +43,8 @@ module calor_rkl2
     procedure :: order
     procedure :: advance
     procedure :: accept
+    procedure :: add_step_error
+    procedure :: restart
   end type rkl2_t
 
   !> Beyond some hundred stages rounding errors inside a step grow
@@ -262,7 +266,8 @@ contains
     this%rate_stage = u - u_next + 0.5_wp*step*(this%rate_start + this%rate_end)
     call evolution%clear_prescribed(this%rate_stage)
     third = third_coefficient(stages)
-    local_error = (1.0_wp/6 - third)/(1.0_wp/4 - third)*root_mean_square(this%rate_stage)
+    this%error_factor = (1.0_wp/6 - third)/(1.0_wp/4 - third)
+    local_error = this%error_factor*root_mean_square(this%rate_stage)
   end subroutine advance
 
   subroutine accept(this)
@@ -273,6 +278,27 @@ contains
     call move_alloc(this%rate_end, this%rate_start)
     call move_alloc(spare, this%rate_end)
   end subroutine accept
+
+  subroutine add_step_error(this, step, total)
+    class(rkl2_t), intent(in) :: this
+    real(wp), intent(in) :: step
+    real(wp), intent(inout) :: total(:)
+    integer :: k
+
+    associate (unused => step)
+    end associate
+    !$omp parallel do if (size(total) > worth_threads) schedule(static) default(shared) private(k)
+    do k = 1, size(total)
+      total(k) = total(k) + this%error_factor*this%rate_stage(k)
+    end do
+    !$omp end parallel do
+  end subroutine add_step_error
+
+  subroutine restart(this)
+    class(rkl2_t), intent(inout) :: this
+
+    this%started = .false.
+  end subroutine restart
 
   pure function weight_b(j) result(b)
     integer, intent(in) :: j

@@ -7,6 +7,7 @@ module calor_stepper
   use calor_integrator, only: integrator_t
   use calor_interrupt, only: interrupted, interrupt_status
   use calor_kinds, only: wp
+  use calor_step_watcher, only: step_watcher_t
   use calor_text, only: to_text
   implicit none (type, external)
   private
@@ -47,10 +48,10 @@ module calor_stepper
 contains
 
   !> Integrate; the last step ends exactly at `end_time`.
-  subroutine advance_to(this, evolution, time, end_time, u, error, at_most)
+  subroutine advance_to(this, evolution, time, end_time, u, error, at_most, watcher)
     class(stepper_t), intent(inout) :: this
     !> What is integrated
-    class(evolution_t), intent(inout) :: evolution
+    class(evolution_t), intent(inout), target :: evolution
     !> Time, s: that of the state u before and after
     real(wp), intent(inout) :: time
     !> Time to reach, s, not before `time`
@@ -61,6 +62,8 @@ contains
     type(error_t), allocatable, intent(out) :: error
     !> Under error control: stop after so many steps, wherever that is
     integer, intent(in), optional :: at_most
+    !> Who is told of each step
+    class(step_watcher_t), intent(inout), optional :: watcher
     real(wp) :: step, start
     integer :: remaining, done, last
 
@@ -71,7 +74,7 @@ contains
       do done = 1, remaining
         ! Each time is computed from the start, so that rounding does not add up.
         step = (start + (end_time - start)*done/remaining) - time
-        call this%try_step(evolution, time, step, u, error)
+        call this%try_step(evolution, time, step, u, error, watcher)
         if (allocated(error)) return
       end do
       time = end_time
@@ -97,7 +100,7 @@ contains
         end if
         return
       end if
-      call this%try_step(evolution, time, step, u, error)
+      call this%try_step(evolution, time, step, u, error, watcher)
       if (allocated(error)) return
       if (abs(end_time - time) <= 4*spacing(end_time)) time = end_time
     end do
@@ -105,13 +108,14 @@ contains
 
   !> One step; with error control it may be taken back, so that nothing but the next step's length
   !> has changed.
-  subroutine try_step(this, evolution, time, step, u, error)
+  subroutine try_step(this, evolution, time, step, u, error, watcher)
     class(stepper_t), intent(inout) :: this
-    class(evolution_t), intent(inout) :: evolution
+    class(evolution_t), intent(inout), target :: evolution
     real(wp), intent(inout) :: time
     real(wp), intent(in) :: step
     real(wp), intent(inout) :: u(:)
     type(error_t), allocatable, intent(out) :: error
+    class(step_watcher_t), intent(inout), optional :: watcher
     real(wp) :: local_error, factor
     integer :: k
 
@@ -143,7 +147,10 @@ contains
     time = time + step
     this%steps = this%steps + 1
     this%accumulated_error = this%accumulated_error + local_error
-    if (interrupted()) then
+    if (present(watcher)) then
+      call watcher%stepped(evolution, this%integrator, time, step, u, error)
+    end if
+    if (.not. allocated(error) .and. interrupted()) then
       call raise(error, interrupt_status(), 'Interrupted at t = '//to_text(time, digits=6)//' s.')
     end if
   end subroutine try_step
@@ -151,7 +158,7 @@ contains
   !> A small trial step shows the error of a step; the first is half of what the tolerance allows.
   subroutine propose_first(this, evolution, time, u)
     class(stepper_t), intent(inout) :: this
-    class(evolution_t), intent(inout) :: evolution
+    class(evolution_t), intent(inout), target :: evolution
     !> Time, s
     real(wp), intent(in) :: time
     !> State at that time

@@ -1,0 +1,252 @@
+!> The error of a computed solution, carried along beside it.
+!>
+!> Let u_t = F(u) be what is integrated, and F_p a discretisation of the same problem of higher
+!> order. The true solution U then obeys U_t = F_p(U) but for what F_p itself misses, and the error
+!> e = U - u
+!>
+!>     e_t = F'(u) e + τ,   τ = F_p(u) - F(u),
+!>
+!> to first order in e, or just as well e_t = F_p'(u) e + τ. The former needs no more of F_p than to
+!> evaluate it, and is right where e is smooth. Schemes whose error varies from particle to particle
+!> need the latter, and an F_p that is stable: F and F_p differ on such an e by as much as e has
+!> to decay. Each step of the integrator adds its own estimated error. So e holds the
+!> errors of space and of time, each where it has been carried and damped to, and u + e is a better
+!> solution than u.
+!>
+!> e varies as slowly as the solution does, not as its steps are short: it is advanced over
+!> intervals of many steps, within which τ is taken as linear in time.
+module calor_error_transport
+  use calor_constants, only: worth_threads
+  use calor_error, only: error_t
+  use calor_evolution, only: evolution_t
+  use calor_integrator, only: integrator_t
+  use calor_kinds, only: wp
+  use calor_rkl2, only: rkl2_t
+  use calor_step_watcher, only: step_watcher_t
+  use calor_stepper, only: stepper_t
+  use calor_stopwatch, only: stopwatch_t
+  use calor_sums, only: root_mean_square
+  implicit none (type, external)
+  private
+
+  public :: error_transport_t
+
+  !> Over an interval τ may change by this part of itself: a straight line then misses about 1 %
+  real(wp), parameter :: largest_change = 0.3_wp
+  !> Integrating e may add errors of this part of it in each step
+  real(wp), parameter :: relative_tolerance = 3.0e-3_wp
+
+  !> e_t = F'(u) e + start + (t - t_0) slope, with F' of one or the other
+  type, extends(evolution_t) :: linear_evolution_t
+    !> Supplies F'
+    class(evolution_t), pointer :: base => null()
+    real(wp) :: time = 0.0_wp
+    real(wp), allocatable :: start(:), slope(:)
+  contains
+    procedure :: unknowns
+    procedure :: rate
+    procedure :: jacobian_product
+    procedure :: impose
+    procedure :: clear_prescribed
+    procedure :: inspect
+  end type linear_evolution_t
+
+  type, extends(step_watcher_t) :: error_transport_t
+    !> The same problem, discretised with a higher order
+    class(evolution_t), allocatable :: reference
+    !> Whether the reference's own F_p' carries the error
+    logical :: carried_by_reference = .false.
+    !> e at `time`: the true solution less the computed one
+    real(wp), allocatable :: error(:)
+    !> The time that e belongs to, s; catch_up makes it that of the solution
+    real(wp) :: time = 0.0_wp
+    !> Evaluations of F' and F_p so far
+    integer :: evaluations = 0
+    !> What all this took
+    type(stopwatch_t) :: stopwatch
+    !> τ at `time`, and the sum of the errors of the steps since
+    real(wp), allocatable, private :: defect(:), step_errors(:)
+    !> How far e is advanced at a time, s; 0: as far as the first step
+    real(wp), private :: interval = 0.0_wp
+    type(stepper_t), private :: stepper
+    type(linear_evolution_t), private :: transport
+  contains
+    !> Make ready at the beginning of an integration
+    procedure :: begin
+    procedure :: stepped
+    !> Bring e up to the time of the solution
+    procedure :: catch_up
+    procedure, private :: measure_defect
+  end type error_transport_t
+
+contains
+
+  subroutine begin(this, evolution, reference, time, u, spectral_radius, carried_by_reference)
+    class(error_transport_t), intent(out) :: this
+    !> What will be integrated
+    class(evolution_t), intent(inout) :: evolution
+    !> The same with a higher order
+    class(evolution_t), intent(in) :: reference
+    !> Time, s, and state; its error is 0
+    real(wp), intent(in) :: time, u(:)
+    !> Spectral radius of the F' that carries the error, 1/s
+    real(wp), intent(in) :: spectral_radius
+    !> Whether that is the reference's
+    logical, intent(in) :: carried_by_reference
+
+    call this%stopwatch%start('error estimate')
+    allocate (this%reference, source=reference)
+    this%carried_by_reference = carried_by_reference
+    allocate (this%error(size(u)), this%step_errors(size(u)), source=0.0_wp)
+    allocate (this%defect(size(u)), this%transport%start(size(u)), this%transport%slope(size(u)))
+    this%time = time
+    allocate (rkl2_t :: this%stepper%integrator)
+    this%stepper%spectral_radius = spectral_radius
+    this%stepper%longest_step = this%stepper%integrator%longest_stable_step(spectral_radius)
+    call this%measure_defect(evolution, time, u, this%defect)
+    call this%stopwatch%stop()
+  end subroutine begin
+
+  subroutine stepped(this, evolution, integrator, time, step, u, error)
+    class(error_transport_t), intent(inout), target :: this
+    class(evolution_t), intent(inout), target :: evolution
+    class(integrator_t), intent(inout) :: integrator
+    real(wp), intent(in) :: time, step
+    real(wp), intent(in) :: u(:)
+    type(error_t), allocatable, intent(out) :: error
+
+    call this%stopwatch%start('error estimate')
+    call integrator%add_step_error(step, this%step_errors)
+    call this%stopwatch%stop()
+    if (time - this%time < this%interval) return
+    call this%catch_up(evolution, time, u, error)
+  end subroutine stepped
+
+  subroutine catch_up(this, evolution, time, u, error)
+    class(error_transport_t), intent(inout), target :: this
+    !> What is integrated
+    class(evolution_t), intent(inout), target :: evolution
+    !> Time, s, and state of the solution
+    real(wp), intent(in) :: time, u(:)
+    !> The numbers went wrong
+    type(error_t), allocatable, intent(out) :: error
+    real(wp), allocatable :: change(:)
+    real(wp) :: interval, size_of_defect, part
+    integer :: k
+
+    interval = time - this%time
+    if (.not. interval > 0) return
+    call this%stopwatch%start('error estimate')
+    allocate (change(size(u)))
+    call this%measure_defect(evolution, time, u, change)
+    !$omp parallel do if (size(u) > worth_threads) schedule(static) default(shared) private(k)
+    do k = 1, size(u)
+      change(k) = change(k) - this%defect(k)
+      this%transport%start(k) = this%defect(k) + this%step_errors(k)/interval
+      this%transport%slope(k) = change(k)/interval
+      this%step_errors(k) = 0
+      this%defect(k) = this%defect(k) + change(k)
+    end do
+    !$omp end parallel do
+    size_of_defect = root_mean_square(this%defect)
+    this%transport%base => evolution
+    if (this%carried_by_reference) this%transport%base => this%reference
+    this%transport%time = this%time
+    this%stepper%tolerance = relative_tolerance*max(root_mean_square(this%error), &
+                                                    size_of_defect*interval, tiny(1.0_wp))
+    call this%stepper%integrator%restart()
+    call this%stepper%advance_to(this%transport, this%time, time, this%error, error)
+    this%transport%base => null()
+    this%evaluations = this%evaluations + 2 + this%stepper%integrator%evaluations
+    this%stepper%integrator%evaluations = 0
+    ! A defect that changes fast is looked at more often.
+    part = root_mean_square(change)
+    if (part > 0.2_wp*largest_change*size_of_defect) then
+      this%interval = interval*min(3.0_wp, max(0.1_wp, largest_change*size_of_defect/part))
+    else
+      this%interval = 3*interval
+    end if
+    call this%stopwatch%stop()
+  end subroutine catch_up
+
+  !> τ = F_p(u) - F(u)
+  subroutine measure_defect(this, evolution, time, u, defect)
+    class(error_transport_t), intent(inout) :: this
+    class(evolution_t), intent(inout) :: evolution
+    real(wp), intent(in) :: time, u(:)
+    real(wp), intent(out) :: defect(:)
+    real(wp), allocatable :: rate(:)
+    integer :: k
+
+    allocate (rate(size(u)))
+    call this%reference%rate(time, u, defect)
+    call evolution%rate(time, u, rate)
+    !$omp parallel do if (size(u) > worth_threads) schedule(static) default(shared) private(k)
+    do k = 1, size(u)
+      defect(k) = defect(k) - rate(k)
+    end do
+    !$omp end parallel do
+    call evolution%clear_prescribed(defect)
+  end subroutine measure_defect
+
+  pure function unknowns(this) result(number)
+    class(linear_evolution_t), intent(in) :: this
+    integer :: number
+
+    number = size(this%start)
+  end function unknowns
+
+  subroutine rate(this, time, u, du)
+    class(linear_evolution_t), intent(inout) :: this
+    real(wp), intent(in) :: time
+    real(wp), intent(in) :: u(:)
+    real(wp), intent(out) :: du(:)
+    integer :: k
+
+    call this%base%jacobian_product(u, du)
+    !$omp parallel do if (size(u) > worth_threads) schedule(static) default(shared) private(k)
+    do k = 1, size(u)
+      du(k) = du(k) + this%start(k) + (time - this%time)*this%slope(k)
+    end do
+    !$omp end parallel do
+    call this%base%clear_prescribed(du)
+  end subroutine rate
+
+  subroutine jacobian_product(this, v, product)
+    class(linear_evolution_t), intent(inout) :: this
+    real(wp), intent(in) :: v(:)
+    real(wp), intent(out) :: product(:)
+
+    call this%base%jacobian_product(v, product)
+  end subroutine jacobian_product
+
+  !> Held temperatures have no error.
+  subroutine impose(this, time, u)
+    class(linear_evolution_t), intent(inout) :: this
+    real(wp), intent(in) :: time
+    real(wp), intent(inout) :: u(:)
+
+    associate (unused => time)
+    end associate
+    call this%base%clear_prescribed(u)
+  end subroutine impose
+
+  subroutine clear_prescribed(this, v)
+    class(linear_evolution_t), intent(in) :: this
+    real(wp), intent(inout) :: v(:)
+
+    call this%base%clear_prescribed(v)
+  end subroutine clear_prescribed
+
+  !> The solution itself is judged elsewhere; its error may be anything.
+  subroutine inspect(this, time, u, error)
+    class(linear_evolution_t), intent(inout) :: this
+    real(wp), intent(in) :: time
+    real(wp), intent(in) :: u(:)
+    type(error_t), allocatable, intent(out) :: error
+
+    associate (unused => this, also => time, and => u)
+    end associate
+  end subroutine inspect
+
+end module calor_error_transport

@@ -1,0 +1,186 @@
+!> The error that a run carries along: how near it comes to the true one.
+module test_error_estimate
+  use calor_error, only: error_t
+  use calor_kinds, only: wp
+  use calor_scene, only: scene_t
+  use calor_scene_reader, only: interpret_scene
+  use calor_simulation, only: simulation_t
+  use calor_text, only: to_text
+  use test_field_reader, only: reals_in_file
+  use testdrive, only: new_unittest, unittest_type, test_error => error_type, check
+  implicit none (type, external)
+  private
+
+  public :: collect_error_estimate
+
+  !> Bounds of estimated over true error
+  real(wp), parameter :: lowest = 0.8_wp, highest = 1.25_wp
+
+contains
+
+  subroutine collect_error_estimate(testsuite)
+    type(unittest_type), allocatable, intent(out) :: testsuite(:)
+
+    testsuite = [ &
+                new_unittest('every scheme, lattice and irregular', test_schemes), &
+                new_unittest('errors of time steps', test_time), &
+                new_unittest('changing walls, a lower mode', test_other_field), &
+                new_unittest('a field that the scheme gets right', test_exact), &
+                new_unittest('what is written', test_written), &
+                new_unittest('without it nothing is carried along', test_absent) &
+                ]
+  end subroutine collect_error_estimate
+
+  !> Run a scene on the unit square; `error` is set where that fails.
+  subroutine run_scene(text, simulation, error)
+    character(len=*), intent(in) :: text
+    type(simulation_t), intent(out) :: simulation
+    type(test_error), allocatable, intent(out) :: error
+    type(scene_t) :: scene
+    type(error_t), allocatable :: failure
+
+    call interpret_scene(text, scene, failure)
+    if (.not. allocated(failure)) call simulation%prepare(scene, failure)
+    if (.not. allocated(failure)) call simulation%run(failure)
+    if (allocated(failure)) call check(error, .false., failure%message)
+  end subroutine run_scene
+
+  pure function plate(scheme, n, jitter, time) result(text)
+    character(len=*), intent(in) :: scheme, time
+    integer, intent(in) :: n
+    real(wp), intent(in) :: jitter
+    character(len=:), allocatable :: text
+
+    text = '&scene exact_expression = "sin(pi*x)*sin(pi*y)*exp(-2*pi^2*t)" / '// &
+           '&domain x_range = 0, 1 y_range = 0, 1 arrangement = "jittered" '// &
+           'spacing = '//to_text(1.0_wp/n)//' jitter = '//to_text(jitter)//' / '// &
+           '&scheme '//scheme//' / &time end = 0.05 '//time//' / '// &
+           '&initial temperature_expression = "sin(pi*x)*sin(pi*y)" / '// &
+           '&boundary on = "all" kind = "temperature" value = 0 / &accuracy estimate = T / '
+  end function plate
+
+  !> The estimate is within its bounds of the truth, and the corrected field better than the field.
+  subroutine judge(simulation, gain, what, error)
+    type(simulation_t), intent(in) :: simulation
+    !> How many times better the corrected field must be
+    real(wp), intent(in) :: gain
+    character(len=*), intent(in) :: what
+    type(test_error), allocatable, intent(out) :: error
+    type(simulation_t) :: corrected
+    real(wp) :: true_error, effectivity
+
+    true_error = simulation%relative_l2_error()
+    effectivity = simulation%estimated_error()/true_error
+    call check(error, effectivity >= lowest .and. effectivity <= highest, &
+               what//': estimated '//to_text(simulation%estimated_error(), digits=3)//', true '// &
+               to_text(true_error, digits=3))
+    if (allocated(error)) return
+    corrected = simulation
+    corrected%temperature = simulation%temperature + simulation%estimate%error
+    call check(error, corrected%relative_l2_error() < true_error/gain, what//': corrected '// &
+               to_text(corrected%relative_l2_error(), digits=3)//' of '// &
+               to_text(true_error, digits=3))
+  end subroutine judge
+
+  subroutine test_schemes(error)
+    type(test_error), allocatable, intent(out) :: error
+    character(len=40), parameter :: schemes(*) = [character(len=40) :: &
+        'laplacian = "fatehi_manzari"', 'laplacian = "positive"', 'laplacian = "brookshaw"', &
+        'laplacian = "consistent" order = 1', 'laplacian = "consistent" order = 2', &
+        'laplacian = "consistent" order = 4', 'laplacian = "consistent" order = 6']
+    real(wp), parameter :: jitters(*) = [0.0_wp, 0.3_wp]
+    type(simulation_t) :: simulation
+    integer :: k, j
+
+    do k = 1, size(schemes)
+      do j = 1, size(jitters)
+        ! Steps so short that the error is that of space
+        call run_scene(plate(trim(schemes(k)), 20, jitters(j), 'tolerance = 1e-9'), simulation, &
+                       error)
+        if (allocated(error)) return
+        call judge(simulation, 5.0_wp, trim(schemes(k))//', jitter '//to_text(jitters(j)), error)
+        if (allocated(error)) return
+      end do
+    end do
+  end subroutine test_schemes
+
+  !> Spaces of high order, so that what remains is the error of the steps.
+  subroutine test_time(error)
+    type(test_error), allocatable, intent(out) :: error
+    character(len=32), parameter :: methods(*) = [character(len=32) :: &
+        'tolerance = 1e-5', 'tolerance = 1e-6', 'method = "rkl2" step = 5e-4', &
+        'method = "forward_euler"']
+    type(simulation_t) :: simulation
+    integer :: k
+
+    do k = 1, size(methods)
+      call run_scene(plate('laplacian = "consistent" order = 6', 24, 0.2_wp, trim(methods(k))), &
+                     simulation, error)
+      if (allocated(error)) return
+      call judge(simulation, 3.0_wp, trim(methods(k)), error)
+      if (allocated(error)) return
+    end do
+  end subroutine test_time
+
+  !> A field with gradients at walls whose temperature changes
+  subroutine test_other_field(error)
+    type(test_error), allocatable, intent(out) :: error
+    character(len=*), parameter :: field = 'exp(-5*t)*cos(x + 1)*sin(2*y)'
+    type(simulation_t) :: simulation
+
+    call run_scene('&scene exact_expression = "'//field//'" / &domain x_range = 0, 1 '// &
+                   'y_range = 0, 1 arrangement = "jittered" spacing = 0.05 jitter = 0.2 / '// &
+                   '&initial temperature_expression = "cos(x + 1)*sin(2*y)" / '// &
+                   '&boundary value_expression = "'//field//'" / &time end = 0.1 / '// &
+                   '&accuracy estimate = T /', simulation, error)
+    if (allocated(error)) return
+    call judge(simulation, 3.0_wp, 'changing walls', error)
+  end subroutine test_other_field
+
+  !> A quadratic field at rest: no error, and none is estimated.
+  subroutine test_exact(error)
+    type(test_error), allocatable, intent(out) :: error
+    type(simulation_t) :: simulation
+
+    call run_scene('&domain x_range = 0, 1 y_range = 0, 1 arrangement = "jittered" '// &
+                   'spacing = 0.1 / &initial temperature_expression = "x^2 - y^2" / '// &
+                   '&boundary value_expression = "x^2 - y^2" / &time end = 0.1 / '// &
+                   '&accuracy estimate = T /', simulation, error)
+    if (allocated(error)) return
+    call check(error, simulation%estimated_error(), 0.0_wp, thr=1.0e-10_wp)
+  end subroutine test_exact
+
+  subroutine test_written(error)
+    type(test_error), allocatable, intent(out) :: error
+    character(len=*), parameter :: file = 'build/test/estimate.vtkhdf'
+    type(simulation_t) :: simulation
+    real(wp), allocatable :: estimate(:), field(:), corrected(:)
+
+    call run_scene(plate('', 10, 0.2_wp, '')//'&output file = "'//file//'" '// &
+                   'fields = "temperature", "temperature_corrected" /', simulation, error)
+    if (allocated(error)) return
+    estimate = reals_in_file(file, '/VTKHDF/PointData/error_estimate')
+    field = reals_in_file(file, '/VTKHDF/PointData/temperature')
+    corrected = reals_in_file(file, '/VTKHDF/PointData/temperature_corrected')
+    call check(error, maxval(abs(estimate)) > 1.0e-3_wp)
+    if (allocated(error)) return
+    call check(error, maxval(abs(field + estimate - corrected)), 0.0_wp, thr=1.0e-12_wp)
+    if (allocated(error)) return
+    call check(error, maxval(abs(estimate(size(estimate)/2 + 1:))), &
+               simulation%estimated_maximum_error(), thr=1.0e-15_wp)
+  end subroutine test_written
+
+  subroutine test_absent(error)
+    type(test_error), allocatable, intent(out) :: error
+    type(simulation_t) :: simulation
+    character(len=:), allocatable :: text
+    integer :: k
+
+    text = plate('', 10, 0.2_wp, '')
+    k = index(text, 'estimate = T')
+    call run_scene(text(:k - 1)//'estimate = F / ', simulation, error)
+    if (allocated(error)) return
+    call check(error,.not. allocated(simulation%estimate))
+  end subroutine test_absent
+
+end module test_error_estimate
