@@ -10,9 +10,9 @@ program main
                    operator_study_t, describe_plan, describe_result, describe_derivatives, &
                    write_new_scene, contract_help, contract_groups, kernel_choices, &
                    laplacian_choices, gradient_choices, integrator_choices, arrangement_choices, &
-                   skip_hdf5_cleanup, ignore_file_size_signal, convergence_study_t, &
-                   describe_convergence, check_convergence_files, write_convergence, &
-                   draw_convergence, convergence_table_file, convergence_pictures
+                   shape_choices, skip_hdf5_cleanup, ignore_file_size_signal, &
+                   convergence_study_t, describe_convergence, check_convergence_files, &
+                   write_convergence, draw_convergence, convergence_table_file, convergence_pictures
   use convergence_progress, only: convergence_progress_t
   use cost_progress, only: cost_progress_t
   use run_progress, only: run_progress_t
@@ -256,6 +256,7 @@ contains
     case ('run', 'check')
       call say('SCENE is a namelist file of these groups and keys:')
       call show_groups(contract_groups())
+      call show_choices('&domain shape', shape_choices)
       call show_choices('&domain arrangement', arrangement_choices)
       call show_choices('&kernel name', kernel_choices)
       call show_choices('&scheme laplacian', laplacian_choices)

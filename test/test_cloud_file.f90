@@ -26,6 +26,7 @@ contains
 
     testsuite = [ &
                 new_unittest('plain csv', test_plain), &
+                new_unittest('normals and lengths of walls', test_wall_geometry), &
                 new_unittest('csv as people write it', test_tolerance), &
                 new_unittest('csv without volume and wall', test_coordinates_only), &
                 new_unittest('numbers are read exactly', test_numbers), &
@@ -64,6 +65,54 @@ contains
     if (allocated(error)) return
     call check(error, cloud%boundary(1)%value, 'wall')
   end subroutine test_plain
+
+  !> Normals and lengths of walls, from both kinds of file.
+  subroutine test_wall_geometry(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(cloud_t) :: cloud
+    logical :: has_volume, has_wall
+    type(error_t), allocatable :: trouble
+    type(field_file_t) :: file
+    character(len=*), parameter :: header = 'wall_length,x,Normal_Y,y,normal_x'//lf, &
+        vtkhdf = 'build/test/wall_geometry.vtkhdf'
+    integer :: k
+
+    call write_file(csv, header//'0.5,0,4,0,-3'//lf//'0,1,0,1,0'//lf)
+    call file%create(vtkhdf, [0.0_wp, 1.0_wp], [0.0_wp, 1.0_wp], trouble)
+    if (.not. allocated(trouble)) call file%add_static('normal_x', [-3.0_wp, 0.0_wp], trouble)
+    if (.not. allocated(trouble)) call file%add_static('normal_y', [4.0_wp, 0.0_wp], trouble)
+    if (.not. allocated(trouble)) call file%add_static('wall_length', [0.5_wp, 0.0_wp], trouble)
+    if (.not. allocated(trouble)) call file%close(trouble)
+    call check_no_trouble(error, trouble)
+    if (allocated(error)) return
+    do k = 1, 2
+      call read_cloud_file(trim(merge(csv//repeat(' ', len(vtkhdf)), &
+                                      vtkhdf//repeat(' ', len(csv)), k == 1)), cloud, &
+                           has_volume, has_wall, trouble)
+      call check_no_trouble(error, trouble)
+      if (allocated(error)) return
+      call check(error, all(same(cloud%normal_x, [-0.6_wp, 0.0_wp])) .and. &
+                 all(same(cloud%normal_y, [0.8_wp, 0.0_wp])) .and. &
+                 all(same(cloud%wall_length, [0.5_wp, 0.0_wp])), 'values')
+      if (allocated(error)) return
+    end do
+    call write_file(csv, header//'-0.5,0,4,0,-3'//lf)
+    call read_cloud_file(csv, cloud, has_volume, has_wall, trouble)
+    call check(error, allocated(trouble), 'a negative length is accepted')
+    if (allocated(error)) return
+    call check(error, index(trouble%message, 'column ''wall_length'': ''-0.5'' cannot be: give a') &
+               > 0, trouble%message)
+    if (allocated(error)) return
+    call write_file(csv, 'x,y,normal_x'//lf//'0,0,1'//lf)
+    call read_cloud_file(csv, cloud, has_volume, has_wall, trouble)
+    call check(error, allocated(trouble), 'half a normal is accepted')
+    if (allocated(error)) return
+    call check(error, index(trouble%message, 'only one of normal_x and normal_y') > 0)
+    if (allocated(error)) return
+    call write_file(csv, 'x,y'//lf//'0,0'//lf)
+    call read_cloud_file(csv, cloud, has_volume, has_wall, trouble)
+    call check(error, .not. allocated(cloud%normal_x) .and. .not. allocated(cloud%wall_length))
+  end subroutine test_wall_geometry
 
   !> Any order of columns, further columns, comments, blanks, quotation marks, Windows' line ends.
   subroutine test_tolerance(error)

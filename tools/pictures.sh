@@ -15,7 +15,24 @@ mkdir -p "$folder"
 "$examples/error_table" | awk -F '[|/]' '$1 == "" && $3 == 2.1 && ($2 == 0 || $2 == 0.2) {
   for (level = 0; level < 3; level++) print $2, 20*2^level, $(4 + level), $(7 + level) }' \
   >"$scratch/error_table.txt"
-for picture in plate error_table; do
+# Every shape in every arrangement; after no time at all walls are at 1 and what is inside at 0
+declare -Ar shapes=(
+  [rectangle]='x_range = -1, 1  y_range = -1, 1'
+  [disc]='radius = 1'
+  [annulus]='radius = 1  inner_radius = 0.4'
+  [polygon]='vertices = -1,-1, 1,-1, 1,0, 0.2,0.3, 0,1, -1,1  hole_vertices = -0.6,-0.6, 0,-0.6, -0.6,0'
+)
+for shape in "${!shapes[@]}"; do
+  for arrangement in lattice hexagonal jittered relaxed; do
+    cat >"$scratch/shape.nml" <<SCENE
+&domain shape = '$shape'  ${shapes[$shape]}  spacing = 0.1  arrangement = '$arrangement' /
+&boundary value = 1 /
+&time end = 1e-9 /
+SCENE
+    "$examples/field_as_text" "$scratch/shape.nml" >"$scratch/${shape}_$arrangement.txt"
+  done
+done
+for picture in plate error_table shapes; do
   gnuplot -e "data='$scratch/$picture.txt'; scratch='$scratch'; picture='$folder/$picture.png'" "tools/$picture.gnuplot"
   echo "$folder/$picture.png"
 done

@@ -26,8 +26,10 @@ module calor_cloud_file
   public :: read_cloud_file
 
   !> What the columns of a CSV file may mean; any other column is passed over
-  character(len=*), parameter :: meanings(*) = [character(len=6) :: 'x', 'y', 'volume', 'wall']
-  integer, parameter :: column_x = 1, column_y = 2, column_volume = 3, column_wall = 4
+  character(len=*), parameter :: meanings(*) = [character(len=11) :: 'x', 'y', 'volume', 'wall', &
+                                                   'normal_x', 'normal_y', 'wall_length']
+  integer, parameter :: column_x = 1, column_y = 2, column_volume = 3, column_wall = 4, &
+      column_normal_x = 5, column_normal_y = 6, column_length = 7
 
   !> What becomes of a text that should be a number
   integer, parameter :: is_number = 0, is_not_number = 1, is_not_finite = 2
@@ -45,12 +47,14 @@ contains
   !> Read particles from a CSV file or from the first step of a VTKHDF file; the content decides.
   !>
   !> A CSV file has a header with the names of its columns in any order: x and y, and if so wished
-  !> volume and wall (1 on the boundary, 0 inside). Blank lines and lines that begin with # are
-  !> passed over, as are further columns. A VTKHDF file has them as `Points` and point data.
+  !> volume and wall (1 on the boundary, 0 inside), normal_x and normal_y (outward on the boundary,
+  !> of any length) and wall_length (what a wall particle stands for, m). Blank lines and lines that
+  !> begin with # are passed over, as are further columns. A VTKHDF file has them as `Points` and
+  !> point data.
   !>
   !> The cloud is in the file's order. `volume` is 0 and `side` is 0 where the file does not give
-  !> them; a wall is the boundary named 'wall'. `spacing` stays 0. Whether particles coincide is
-  !> not checked here.
+  !> them; a wall is the boundary named 'wall'. `spacing` stays 0 and `area` unallocated.
+  !> Whether particles coincide is not checked here.
   !>
   !> Fails with status 2 if there is no such file or its content is wrong, and with status 4 if the
   !> file cannot be read.
@@ -111,8 +115,31 @@ contains
       allocate (cloud%boundary(0))
     end if
     cloud%user_index = [(int(k, ip), k=1, cloud%particles())]
+    call settle_normals(name, cloud, error)
+    if (allocated(error)) return
     if (present(ignored_columns)) call move_alloc(ignored, ignored_columns)
   end subroutine read_cloud_file
+
+  !> Normals have two components, and the length 1.
+  subroutine settle_normals(path, cloud, error)
+    character(len=*), intent(in) :: path
+    type(cloud_t), intent(inout) :: cloud
+    type(error_t), allocatable, intent(out) :: error
+    real(wp) :: norm
+    integer :: k
+
+    if (allocated(cloud%normal_x) .neqv. allocated(cloud%normal_y)) then
+      call raise(error, status_bad_input, 'The cloud''s file '''//path//''' gives only one of '// &
+                 'normal_x and normal_y: give both or none.')
+    end if
+    if (allocated(error) .or. .not. allocated(cloud%normal_x)) return
+    do k = 1, cloud%particles()
+      norm = hypot(cloud%normal_x(k), cloud%normal_y(k))
+      if (.not. norm > 0) cycle
+      cloud%normal_x(k) = cloud%normal_x(k)/norm
+      cloud%normal_y(k) = cloud%normal_y(k)/norm
+    end do
+  end subroutine settle_normals
 
   subroutine check_file(path, error)
     character(len=*), intent(in) :: path
@@ -229,6 +256,9 @@ contains
     cloud%x = values(:number, column_x)
     cloud%y = values(:number, column_y)
     if (has_volume) cloud%volume = values(:number, column_volume)
+    if (any(meaning == column_normal_x)) cloud%normal_x = values(:number, column_normal_x)
+    if (any(meaning == column_normal_y)) cloud%normal_y = values(:number, column_normal_y)
+    if (any(meaning == column_length)) cloud%wall_length = values(:number, column_length)
     wall = nint(values(:number, column_wall))
   end subroutine read_csv
 
@@ -439,6 +469,8 @@ contains
     select case (meaning)
     case (column_volume)
       fits = number > 0.0_wp
+    case (column_length)
+      fits = number >= 0.0_wp
     case (column_wall)
       fits = .not. (abs(number) > 0.0_wp .and. abs(number - 1.0_wp) > 0.0_wp)
     case default
@@ -469,6 +501,10 @@ contains
       sentence = sentence//': a volume is a number greater than 0.'
     case (column_wall)
       sentence = sentence//': it is 1 for a particle on the boundary and 0 for one inside.'
+    case (column_normal_x, column_normal_y)
+      sentence = sentence//': give a component of the outward normal, 0 inside.'
+    case (column_length)
+      sentence = sentence//': give a length in metres, 0 inside.'
     case default
       sentence = sentence//': give a coordinate in metres.'
     end select
@@ -656,7 +692,7 @@ contains
     integer, allocatable, intent(out) :: wall(:)
     logical, intent(out) :: has_volume, has_wall
     type(error_t), allocatable, intent(out) :: error
-    real(wp), allocatable :: points(:, :), column(:, :)
+    real(wp), allocatable :: points(:, :), column(:)
     integer(i8) :: rows
     integer :: k
 
@@ -689,32 +725,48 @@ contains
     cloud%x = points(1, :)
     cloud%y = points(2, :)
 
-    has_volume = exists(file_id, '/VTKHDF/PointData/volume')
-    if (has_volume) then
-      call read_rows(path, file_id, '/VTKHDF/PointData/volume', 1, rows, column, error)
-      if (allocated(error)) return
-      do k = 1, int(rows)
-        if (ieee_is_finite(column(1, k)) .and. column(1, k) > 0.0_wp) cycle
-        call raise(error, status_bad_input, particle_of(path, '/VTKHDF/PointData/volume', k)// &
-                   complaint(to_text(column(1, k)), is_number, column_volume))
-        return
-      end do
-      cloud%volume = column(1, :)
-    end if
-
-    has_wall = exists(file_id, '/VTKHDF/PointData/wall')
-    if (has_wall) then
-      call read_rows(path, file_id, '/VTKHDF/PointData/wall', 1, rows, column, error)
-      if (allocated(error)) return
-      do k = 1, int(rows)
-        if (ieee_is_finite(column(1, k)) .and. fits(column(1, k), column_wall)) cycle
-        call raise(error, status_bad_input, particle_of(path, '/VTKHDF/PointData/wall', k)// &
-                   complaint(to_text(column(1, k)), is_number, column_wall))
-        return
-      end do
-      wall = nint(column(1, :))
-    end if
+    call read_point_data(path, file_id, column_volume, rows, cloud%volume, error)
+    if (allocated(error)) return
+    has_volume = allocated(cloud%volume)
+    call read_point_data(path, file_id, column_normal_x, rows, cloud%normal_x, error)
+    if (allocated(error)) return
+    call read_point_data(path, file_id, column_normal_y, rows, cloud%normal_y, error)
+    if (allocated(error)) return
+    call read_point_data(path, file_id, column_length, rows, cloud%wall_length, error)
+    if (allocated(error)) return
+    call read_point_data(path, file_id, column_wall, rows, column, error)
+    if (allocated(error)) return
+    has_wall = allocated(column)
+    if (has_wall) wall = nint(column)
   end subroutine read_particles
+
+  !> Read one of the point data; not allocated where the file has none of the name.
+  subroutine read_point_data(path, file_id, meaning, rows, values, error)
+    character(len=*), intent(in) :: path
+    integer(hid_t), intent(in) :: file_id
+    !> One of the columns
+    integer, intent(in) :: meaning
+    integer(i8), intent(inout) :: rows
+    real(wp), allocatable, intent(out) :: values(:)
+    type(error_t), allocatable, intent(out) :: error
+    character(len=:), allocatable :: name
+    real(wp), allocatable :: column(:, :)
+    integer :: k
+
+    name = '/VTKHDF/PointData/'//trim(meanings(meaning))
+    if (.not. exists(file_id, name)) return
+    call read_rows(path, file_id, name, 1, rows, column, error)
+    if (allocated(error)) return
+    do k = 1, int(rows)
+      if (ieee_is_finite(column(1, k))) then
+        if (fits(column(1, k), meaning)) cycle
+      end if
+      call raise(error, status_bad_input, particle_of(path, name, k)// &
+                 complaint(to_text(column(1, k)), is_number, meaning))
+      return
+    end do
+    values = column(1, :)
+  end subroutine read_point_data
 
   !> The number of particles in the first step.
   subroutine count_points(path, file_id, rows, error)

@@ -10,9 +10,9 @@ module calor_memory_need
   public :: memory_need, check_memory, size_text
 
   !> Measured at the highest. A neighbour is listed with its weight, and listed once more while that
-  !> happens; a particle has place, volume, order, state and stages, 160 bytes, and 35 entries of
-  !> vectors in the search for unstable modes.
-  real(wp), parameter :: bytes_per_neighbour = 16, bytes_per_particle = 440
+  !> happens; a particle has place, volume, area, normal, order, state and stages, 192 bytes, and
+  !> 35 entries of vectors in the search for unstable modes.
+  real(wp), parameter :: bytes_per_neighbour = 16, bytes_per_particle = 472
 
 contains
 

@@ -24,7 +24,7 @@ contains
     type(cloud_t), intent(in) :: cloud
     !> What is held, one entry a boundary condition, at the values of time 0
     type(prescribed_t), allocatable, intent(out) :: prescribed(:)
-    !> A boundary is unknown, or nothing is said about one
+    !> A boundary is unknown or has no particle, or nothing is said about one
     type(error_t), allocatable, intent(out) :: error
     integer, allocatable :: holder(:)
     integer :: k, particle
@@ -75,6 +75,11 @@ contains
     names = '''all'''
     do bit = 0, size(cloud%boundary) - 1
       if (cloud%boundary(bit + 1)%value == name) then
+        ! A short edge of a curve may lie between two particles
+        if (any(cloud%side /= 0) .and. .not. any(btest(cloud%side, bit))) then
+          call raise(error, status_bad_input, place//': no particle lies on '''//name// &
+                     ''': lower &domain spacing.')
+        end if
         where (btest(cloud%side, bit)) holder = number
         return
       end if

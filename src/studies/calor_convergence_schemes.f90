@@ -100,7 +100,7 @@ contains
     case ('consistent')
       ! The Laplacian is exact for one degree more than the gradient of the same order
       schemes = [(study_scheme_t(family, name, k, .true., k + family - 1, k + family - 1, 1, &
-                                 .false., natural_support(k)), k=2, 8, 2)]
+                                 .false., natural_support(k)), k=2, 4, 2)]
     case default
       schemes = pack(known, known%family == family .and. known%name == name)
       if (size(schemes) > 0) return
