@@ -7,7 +7,7 @@
 
 .DEFAULT_GOAL := build
 .NOTPARALLEL:
-.PHONY: help build run test test-checked examples lint format pictures hard-cases documents \
+.PHONY: help build run test test-checked examples lint format pictures hard-cases cost documents \
   set-up clean distclean
 SHELL := /bin/bash
 
@@ -77,6 +77,9 @@ hard-cases: examples ## make anew the tables and the picture of docs/hard-cases.
 	gnuplot -e "data='$$scratch'; picture='docs/pictures/spectrum.png'" tools/spectrum.gnuplot && \
 	rm $$scratch
 	@OMP_NUM_THREADS=1 CALOR_KINDS=study tools/documents.sh
+
+cost: build ## measure anew the tables and pictures of docs/accuracy-and-cost.md (minutes)
+	@tools/cost.sh $(BIN)/calor
 
 documents: build examples ## make anew what the documents quote from the programs
 	@tools/documents.sh

@@ -5,7 +5,8 @@ program main
   use, intrinsic :: iso_fortran_env, only: error_unit
   use calor, only: error_t, raise, status_done, status_bad_input, status_bad_file, text_t, &
                    text_list, to_text, suggestion, choice_t, choice_names, version, scene_t, &
-                       read_scene, simulation_t, &
+                       read_scene, simulation_t, cost_study_t, describe_costs, &
+                   watch_for_interrupt, &
                    operator_study_t, describe_plan, describe_result, describe_derivatives, &
                    write_new_scene, contract_help, contract_groups, kernel_choices, &
                    laplacian_choices, gradient_choices, integrator_choices, arrangement_choices, &
@@ -13,6 +14,7 @@ program main
                    convergence_study_t, describe_convergence, check_convergence_files, &
                    write_convergence, draw_convergence, convergence_table_file, convergence_pictures
   use convergence_progress, only: convergence_progress_t
+  use cost_progress, only: cost_progress_t
   use run_progress, only: run_progress_t
   use terminal, only: say, say_in_place, everything_said
   implicit none (type, external)
@@ -23,6 +25,7 @@ program main
       choice_t('check', 'say what a scene would simulate, and check it, without running it'), &
       choice_t('operators', 'evaluate derivative schemes on a scene''s cloud'), &
       choice_t('convergence', 'measure how derivative schemes converge, against theory'), &
+      choice_t('cost', 'compare schemes by accuracy and wall time'), &
       choice_t('new', 'write a commented scene to start from') &
       ]
 
@@ -69,7 +72,7 @@ contains
       call show_help(error)
     case ('-V', '--version', 'version')
       call say('calor '//version)
-    case ('run', 'check', 'operators', 'convergence', 'new')
+    case ('run', 'check', 'operators', 'convergence', 'cost', 'new')
       if (any_help()) then
         call show_command_help(command)
       else
@@ -84,6 +87,8 @@ contains
           call operators(argument(2), error)
         case ('convergence')
           call convergence(argument(2), error)
+        case ('cost')
+          call cost(argument(2), error)
         case default
           call new(argument(2), error)
         end select
@@ -147,6 +152,23 @@ contains
     if (allocated(error)) return
     call say_lines(describe_derivatives(study))
   end subroutine operators
+
+  subroutine cost(path, error)
+    character(len=*), intent(in) :: path
+    type(error_t), allocatable, intent(out) :: error
+    type(scene_t) :: scene
+    type(cost_study_t) :: study
+    type(cost_progress_t) :: progress
+
+    call read_scene(path, scene, error)
+    if (allocated(error)) return
+    call study%prepare(scene, error)
+    if (allocated(error)) return
+    ! From here on Ctrl-C ends the study, and what was measured is kept.
+    call watch_for_interrupt()
+    call study%measure(error, progress)
+    if (study%any_measured()) call say_lines(describe_costs(study))
+  end subroutine cost
 
   subroutine convergence(path, error)
     !> '' for the study of the program's own
@@ -252,6 +274,14 @@ contains
       call say('coarsest, a 16th of it the finest), &kernel, and in &operators field and schemes.')
       call show_groups(text_list([character(len=9) :: 'domain', 'kernel', 'operators']))
       call show_choices('&kernel name', kernel_choices)
+    case ('cost')
+      call say('Runs SCENE with several schemes, spacings and supports, and reports error, wall')
+      call say('time by phase and memory of each: a table, a file (CSV) and pictures (SVG, PNG).')
+      call say('Time steps are as long as they may be without spoiling the error. Without a group')
+      call say('&cost all schemes are compared at 4, 2, 1 and 1/2 times the scene''s spacing.')
+      call say('Ctrl-C ends it early and keeps what was measured. Beside what run needs:')
+      call show_groups(text_list([character(len=6) :: 'cost', 'domain', 'kernel', 'time']))
+      call show_choices('&cost laplacians', laplacian_choices)
     case default
       call say('Writes NAME.nml, a small plate with every key explained. An existing file is left')
       call say('alone.')

@@ -58,7 +58,7 @@ contains
   subroutine say_in_place(line)
     !> The line, without an end; '' leaves an empty one
     character(len=*), intent(in) :: line
-    integer, parameter :: room = 60
+    integer, parameter :: room = 79
     integer(c_int), parameter :: standard_output = 1
     character(len=:), allocatable :: letters
     integer(c_int) :: status

@@ -13,6 +13,9 @@ module calor
                                      check_convergence_files, convergence_table_file, &
                                      convergence_pictures
   use calor_convergence_study, only: convergence_study_t, convergence_watcher_t
+  use calor_cost_entry, only: cost_entry_t
+  use calor_cost_study, only: cost_study_t, cost_observer_t
+  use calor_cost_table, only: describe_costs
   use calor_description, only: describe_plan, describe_result
   use calor_disc_body, only: make_disc_body, make_annulus_body
   use calor_error, only: error_t, raise, status_done, status_bad_input, status_bad_numbers, &
@@ -27,6 +30,7 @@ module calor
   use calor_hdf5, only: skip_hdf5_cleanup
   use calor_integrator, only: integrator_t
   use calor_integrators, only: integrator_choices, make_integrator
+  use calor_interrupt, only: watch_for_interrupt, interrupted
   use calor_kernel, only: kernel_t
   use calor_kernels, only: kernel_choices, make_kernel
   use calor_kinds, only: wp, ip, i8

@@ -17,6 +17,7 @@ program main
   use test_field_file, only: collect_field_file
   use test_gnuplot, only: collect_gnuplot
   use test_hard_cases, only: collect_hard_cases
+  use test_cost_study, only: collect_cost_study
   use test_heat, only: collect_heat
   use test_operators, only: collect_operators
   use test_clouds, only: collect_clouds
@@ -51,6 +52,7 @@ program main
            new_testsuite('error estimate', collect_error_estimate), &
            new_testsuite('hard cases', collect_hard_cases), &
            new_testsuite('convergence study', collect_convergence_study), &
+           new_testsuite('cost study', collect_cost_study), &
            new_testsuite('kernels', collect_kernels), &
            new_testsuite('neighbour list', collect_neighbour_list), &
            new_testsuite('random', collect_random), &

@@ -386,8 +386,7 @@ contains
         case_t('&time end = 1 steady = .true. /', 2, 'line 8: &time steady|this version'), &
         case_t('&source power = 1 /', 2, 'line 11: &source|this version|yet'), &
         case_t('&motion velocity_x = 1 /', 2, 'line 11: &motion|this version|yet'), &
-        case_t('&checkpoint file = ''a.h5'' /', 2, 'line 11: &checkpoint|this version|yet'), &
-        case_t('&cost spacings = 0.1, 0.2 /', 2, 'line 11: &cost|this version|yet')])
+        case_t('&checkpoint file = ''a.h5'' /', 2, 'line 11: &checkpoint|this version|yet')])
   end subroutine test_later
 
   subroutine test_wrong_expressions(error)

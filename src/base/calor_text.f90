@@ -4,7 +4,7 @@ module calor_text
   implicit none (type, external)
   private
 
-  public :: text_t, to_text, lower_case, join, nearest_word, suggestion, text_list
+  public :: text_t, to_text, lower_case, join, nearest_word, suggestion, text_list, append
 
   !> A text of any length, for arrays of texts
   type :: text_t
@@ -146,6 +146,23 @@ contains
       list(k)%value = trim(words(k))
     end do
   end function text_list
+
+  !> Put one more text at the end of a list.
+  pure subroutine append(list, text)
+    !> The list
+    type(text_t), allocatable, intent(inout) :: list(:)
+    !> The text
+    character(len=*), intent(in) :: text
+    type(text_t), allocatable :: longer(:)
+    integer :: k
+
+    allocate (longer(size(list) + 1))
+    do k = 1, size(list)
+      call move_alloc(list(k)%value, longer(k)%value)
+    end do
+    longer(size(longer))%value = text
+    call move_alloc(longer, list)
+  end subroutine append
 
   !> The texts one after another with a separator between them.
   pure function join(texts, separator) result(joined)

@@ -80,7 +80,7 @@ module calor_scene_contract
       group_rule_t('accuracy', one, now, 'how far the run knows and bounds its own error'), &
       group_rule_t('checkpoint', one, later, 'write checkpoints'), &
       group_rule_t('operators', one, now, 'a field whose derivatives are evaluated'), &
-      group_rule_t('cost', one, later, 'compare accuracy with cost')]
+      group_rule_t('cost', one, now, 'schemes and spacings whose accuracy and cost are compared')]
 
   type(key_rule_t), parameter :: key_rules(*) = [ &
       key_rule_t('scene', 'title', text, now, '', 'a name for people'), &
@@ -158,9 +158,14 @@ module calor_scene_contract
       key_rule_t('operators', 'exact_gradient_y_expression', expression, now, '', 'its d/dy'), &
       key_rule_t('operators', 'exact_laplacian_expression', expression, now, '', 'its Laplacian'), &
       key_rule_t('operators', 'file', text, now, '', 'the file to write (VTKHDF)'), &
-      key_rule_t('cost', 'spacings', numbers, later, '', 'distances between particles, m'), &
-      key_rule_t('cost', 'laplacians', texts, later, '''all''', 'Laplacian schemes'), &
-      key_rule_t('cost', 'supports', numbers, later, '2.1', 'support radii in spacings')]
+      key_rule_t('cost', 'spacings', numbers, now, '', 'distances between particles, m'), &
+      key_rule_t('cost', 'laplacians', texts, now, '''all''', 'Laplacian schemes'), &
+      key_rule_t('cost', 'supports', numbers, now, '', 'support radii in spacings'), &
+      key_rule_t('cost', 'orders', numbers, now, '2, 4, 6, 8', 'orders of the scheme consistent'), &
+      key_rule_t('cost', 'repetitions', whole, now, '5', 'how often each entry is timed'), &
+      key_rule_t('cost', 'seconds', number, now, '600', 'time that all may take, s'), &
+      key_rule_t('cost', 'target', number, now, '', 'the error to reach at least cost'), &
+      key_rule_t('cost', 'file', text, now, '', 'the table to write (CSV)')]
 
   type(value_rule_t), parameter :: value_rules(*) = [ &
       value_rule_t('time', 'steady', '.false.', '.true.'), &

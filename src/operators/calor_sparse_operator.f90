@@ -24,6 +24,8 @@ module calor_sparse_operator
   contains
     !> Number of rows
     procedure :: rows
+    !> Memory that the operator takes, bytes
+    procedure :: bytes
     !> Take the rows and neighbours of a neighbour list, all weights still undefined
     procedure :: shape_as
     !> The derivative of a field at the targets
@@ -44,6 +46,17 @@ contains
 
     number = size(this%target)
   end function rows
+
+  pure function bytes(this) result(number)
+    class(sparse_operator_t), intent(in) :: this
+    integer(i8) :: number
+
+    number = (size(this%target, kind=i8)*storage_size(this%target) + &
+              size(this%first, kind=i8)*storage_size(this%first) + &
+              size(this%index, kind=i8)*storage_size(this%index) + &
+              size(this%weight, kind=i8)*storage_size(this%weight) + &
+              size(this%diagonal, kind=i8)*storage_size(this%diagonal))/8
+  end function bytes
 
   subroutine shape_as(this, list)
     class(sparse_operator_t), intent(out) :: this

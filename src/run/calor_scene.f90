@@ -6,7 +6,8 @@ module calor_scene
   implicit none (type, external)
   private
 
-  public :: scene_t, accuracy_t, domain_t, material_t, boundary_t, time_t, output_t, operators_t
+  public :: scene_t, accuracy_t, domain_t, material_t, boundary_t, time_t, output_t, operators_t, &
+            cost_t
 
   !> What is asked of the error
   type :: accuracy_t
@@ -100,6 +101,26 @@ module calor_scene
     character(len=:), allocatable :: place
   end type operators_t
 
+  !> What `calor cost` compares
+  type :: cost_t
+    !> Distances between particles, m, and support radii in spacings; none: chosen by the program
+    real(wp), allocatable :: spacings(:), supports(:)
+    !> Names of the schemes
+    type(text_t), allocatable :: laplacians(:)
+    !> Orders of the scheme `consistent`
+    integer, allocatable :: orders(:)
+    !> How often each entry is timed
+    integer :: repetitions = 5
+    !> No measurement is begun that would not be over after this time, s
+    real(wp) :: seconds = 600.0_wp
+    !> Relative L2 error that the sentence at the end speaks of; 0: chosen by the program
+    real(wp) :: target = 0.0_wp
+    !> Path of the table (CSV)
+    character(len=:), allocatable :: file
+    !> Where the scene file says so, and where it gives the spacings
+    character(len=:), allocatable :: place, spacings_place
+  end type cost_t
+
   !> A scene
   type :: scene_t
     !> Path and whole text of the scene file
@@ -130,6 +151,7 @@ module calor_scene
     type(output_t) :: output
     type(accuracy_t) :: accuracy
     type(operators_t) :: operators
+    type(cost_t) :: cost
   end type scene_t
 
 end module calor_scene

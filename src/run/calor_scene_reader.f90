@@ -110,6 +110,8 @@ contains
     call read_output(file, scene, error)
     if (allocated(error)) return
     call read_operators(file, scene, error)
+    if (allocated(error)) return
+    call read_cost(file, scene, error)
   end subroutine interpret_file
 
   subroutine read_header(file, scene, error)
@@ -442,6 +444,88 @@ contains
       call get(group, 'file', asked%file, error, default='')
     end associate
   end subroutine read_operators
+
+  !> What `calor cost` compares; without the group, what the program chooses.
+  subroutine read_cost(file, scene, error)
+    type(scene_file_t), intent(in) :: file
+    type(scene_t), intent(inout) :: scene
+    type(error_t), allocatable, intent(out) :: error
+    type(group_t) :: group
+    real(wp), parameter :: none(0) = [real(wp) ::]
+    real(wp), allocatable :: orders(:)
+    integer, parameter :: most_repetitions = 1000
+
+    call file%group('cost', group)
+    associate (cost => scene%cost)
+      call get(group, 'orders', orders, error, default=[2.0_wp, 4.0_wp, 6.0_wp, 8.0_wp], &
+               minimum=1.0_wp, maximum=real(highest_scene_order, wp))
+      if (allocated(error)) return
+      call refuse_twins(group, 'orders', orders, error)
+      if (allocated(error)) return
+      if (any(abs(orders - anint(orders)) > 0)) then
+        call raise_at(error, group, 'orders', 'orders are whole numbers.')
+        return
+      end if
+      cost%orders = nint(orders)
+      cost%place = place_of(group, 'file')
+      cost%spacings_place = place_of(group, 'spacings')
+      if (scene%domain%shape == 'cloud') then
+        call refuse_keys(group, ['spacings'], '&domain shape = ''cloud'', whose particles '// &
+                         'are what they are', error)
+        if (allocated(error)) return
+      end if
+      call get(group, 'spacings', cost%spacings, error, default=none, positive=.true.)
+      if (allocated(error)) return
+      call refuse_twins(group, 'spacings', cost%spacings, error)
+      if (allocated(error)) return
+      call get(group, 'supports', cost%supports, error, default=none, positive=.true., &
+               maximum=widest_support)
+      if (allocated(error)) return
+      call refuse_twins(group, 'supports', cost%supports, error)
+      if (allocated(error)) return
+      call get_choices(group, 'laplacians', laplacian_choices, cost%laplacians, error, &
+                       default=text_list(['all']))
+      if (allocated(error)) return
+      call get(group, 'repetitions', cost%repetitions, error, default=5, minimum=1, &
+               maximum=most_repetitions)
+      if (allocated(error)) return
+      call get(group, 'seconds', cost%seconds, error, default=600.0_wp, positive=.true.)
+      if (allocated(error)) return
+      if (group%has('target')) call get(group, 'target', cost%target, error, positive=.true.)
+      if (allocated(error)) return
+      call get(group, 'file', cost%file, error, default=stem(file%path)//'_cost.csv')
+      if (allocated(error)) return
+      if (index(cost%file, '.csv', back=.true.) /= len(cost%file) - 3 .or. &
+          len(cost%file) < 5) then
+        call raise_at(error, group, 'file', 'the name must end in .csv, as in ''cost.csv''; '// &
+                      'the pictures take it with .svg and .png.')
+      end if
+    end associate
+  end subroutine read_cost
+
+  !> A number that stands twice in a list is a slip of the pen.
+  subroutine refuse_twins(group, key, values, error)
+    type(group_t), intent(in) :: group
+    character(len=*), intent(in) :: key
+    real(wp), intent(in) :: values(:)
+    type(error_t), allocatable, intent(out) :: error
+    integer :: k
+
+    do k = 2, size(values)
+      if (all(abs(values(:k - 1) - values(k)) > 0)) cycle
+      call raise_at(error, group, key, to_text(values(k))//' is there twice; remove one.')
+      return
+    end do
+  end subroutine refuse_twins
+
+  !> The name of a file without folders and ending
+  pure function stem(path)
+    character(len=*), intent(in) :: path
+    character(len=:), allocatable :: stem
+
+    stem = path(index(path, '/', back=.true.) + 1:)
+    if (index(stem, '.', back=.true.) > 1) stem = stem(:index(stem, '.', back=.true.) - 1)
+  end function stem
 
   !> An expression, checked; '' if the group lacks it.
   subroutine optional_expression(group, key, text, error)

@@ -17,6 +17,7 @@ module calor_forward_euler
     procedure :: longest_stable_step
     procedure :: longest_monotone_step
     procedure :: estimates_error
+    procedure :: order
     procedure :: advance
     procedure :: accept
     procedure :: add_step_error
@@ -50,6 +51,15 @@ contains
 
     answer = .false.
   end function estimates_error
+
+  pure function order(this)
+    class(forward_euler_t), intent(in) :: this
+    integer :: order
+
+    associate (unused => this)
+    end associate
+    order = 1
+  end function order
 
   subroutine advance(this, evolution, time, step, spectral_radius, u, u_next, local_error)
     class(forward_euler_t), intent(inout) :: this

@@ -21,6 +21,8 @@ module calor_integrator
     procedure :: shorten_step
     !> Whether `advance` estimates its error
     procedure(knows_interface), deferred :: estimates_error
+    !> The power of the step with which the error at a given time falls
+    procedure(order_interface), deferred :: order
     !> Compute the state one step later
     procedure(advance_interface), deferred :: advance
     !> The step just computed becomes the state that the next one starts from
@@ -47,6 +49,13 @@ module calor_integrator
       class(integrator_t), intent(in) :: this
       logical :: answer
     end function knows_interface
+
+    pure function order_interface(this) result(order)
+      import :: integrator_t
+      implicit none (type, external)
+      class(integrator_t), intent(in) :: this
+      integer :: order
+    end function order_interface
 
     subroutine advance_interface(this, evolution, time, step, spectral_radius, u, u_next, &
                                  local_error)

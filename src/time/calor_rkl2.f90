@@ -40,6 +40,7 @@ module calor_rkl2
     procedure :: longest_stable_step
     procedure :: shorten_step
     procedure :: estimates_error
+    procedure :: order
     procedure :: advance
     procedure :: accept
     procedure :: add_step_error
@@ -202,6 +203,15 @@ contains
 
     answer = .true.
   end function estimates_error
+
+  pure function order(this)
+    class(rkl2_t), intent(in) :: this
+    integer :: order
+
+    associate (unused => this)
+    end associate
+    order = 2
+  end function order
 
   subroutine advance(this, evolution, time, step, spectral_radius, u, u_next, local_error)
     class(rkl2_t), intent(inout) :: this

@@ -17,6 +17,7 @@ module calor_runge_kutta_4
     procedure :: longest_stable_step
     procedure :: longest_monotone_step
     procedure :: estimates_error
+    procedure :: order
     procedure :: advance
   end type runge_kutta_4_t
 
@@ -51,6 +52,15 @@ contains
 
     answer = .false.
   end function estimates_error
+
+  pure function order(this)
+    class(runge_kutta_4_t), intent(in) :: this
+    integer :: order
+
+    associate (unused => this)
+    end associate
+    order = 4
+  end function order
 
   subroutine advance(this, evolution, time, step, spectral_radius, u, u_next, local_error)
     class(runge_kutta_4_t), intent(inout) :: this

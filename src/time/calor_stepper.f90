@@ -5,6 +5,7 @@ module calor_stepper
   use calor_error, only: error_t, raise, status_bad_numbers
   use calor_evolution, only: evolution_t
   use calor_integrator, only: integrator_t
+  use calor_interrupt, only: interrupted, interrupt_status
   use calor_kinds, only: wp
   use calor_step_watcher, only: step_watcher_t
   use calor_text, only: to_text
@@ -148,6 +149,9 @@ contains
     this%accumulated_error = this%accumulated_error + local_error
     if (present(watcher)) then
       call watcher%stepped(evolution, this%integrator, time, step, u, error)
+    end if
+    if (.not. allocated(error) .and. interrupted()) then
+      call raise(error, interrupt_status(), 'Interrupted at t = '//to_text(time, digits=6)//' s.')
     end if
   end subroutine try_step
 
