@@ -7,7 +7,8 @@ program main
                    text_list, to_text, suggestion, choice_t, choice_names, version, scene_t, &
                        read_scene, simulation_t, cost_study_t, describe_costs, &
                    watch_for_interrupt, &
-                   operator_study_t, describe_plan, describe_result, describe_derivatives, &
+                   operator_study_t, target_search_t, describe_plan, describe_result, &
+                       describe_derivatives, &
                    write_new_scene, contract_help, contract_groups, kernel_choices, &
                    laplacian_choices, gradient_choices, integrator_choices, arrangement_choices, &
                    shape_choices, skip_hdf5_cleanup, ignore_file_size_signal, &
@@ -16,6 +17,7 @@ program main
   use convergence_progress, only: convergence_progress_t
   use cost_progress, only: cost_progress_t
   use run_progress, only: run_progress_t
+  use search_progress, only: search_progress_t
   use terminal, only: say, say_in_place, everything_said
   implicit none (type, external)
 
@@ -113,6 +115,10 @@ contains
 
     call read_scene(path, scene, error)
     if (allocated(error)) return
+    if (scene%accuracy%target > 0) then
+      call run_to_target(scene, error)
+      return
+    end if
     call simulation%prepare(scene, error)
     if (allocated(error)) return
     call say_lines(describe_plan(simulation))
@@ -122,6 +128,23 @@ contains
     call say('')
     call say_lines(describe_result(simulation))
   end subroutine run
+
+  !> The program chooses scheme, order, spacing and steps.
+  subroutine run_to_target(scene, error)
+    type(scene_t), intent(in) :: scene
+    type(error_t), allocatable, intent(out) :: error
+    type(target_search_t) :: search
+    type(search_progress_t) :: progress
+
+    call say('Looking for the cheapest way to a relative error of '// &
+             to_text(scene%accuracy%target, digits=3)//':')
+    call search%reach(scene, error, progress)
+    if (allocated(error)) return
+    call say('')
+    call say_lines(describe_plan(search%simulation))
+    call say('')
+    call say_lines(describe_result(search%simulation))
+  end subroutine run_to_target
 
   subroutine check(path, error)
     character(len=*), intent(in) :: path

@@ -1,5 +1,6 @@
 !> The public face of the library: `use calor` gives an application all it needs.
 module calor
+  use calor_accuracy_target, only: target_search_t, search_watcher_t, attempt_t
   use calor_arrangements, only: arrangement_choices
   use calor_body, only: body_t
   use calor_body_cloud, only: fill_body
@@ -53,6 +54,7 @@ module calor
   use calor_space_filling_curve, only: hilbert_order
   use calor_sparse_operator, only: sparse_operator_t
   use calor_spectral_radius, only: estimate_spectral_radius
+  use calor_sufficient_rows, only: assemble_sufficient_gradient, assemble_sufficient_laplacian
   use calor_stable_rows, only: assemble_stable_rows, row_repairs_t, as_written, support_grown, &
                                positive_stencil, inexact_stencil, no_stencil
   use calor_stencil, only: stencil_t

@@ -6,6 +6,7 @@ program main
   use, intrinsic :: iso_fortran_env, only: error_unit
   use calor_hdf5, only: skip_hdf5_cleanup
   use testdrive, only: run_testsuite, new_testsuite, testsuite_type, select_suite, run_selected
+  use test_accuracy_target, only: collect_accuracy_target
   use test_consistent, only: collect_consistent
   use test_convergence_study, only: collect_convergence_study
   use test_documents, only: collect_documents
@@ -50,6 +51,7 @@ program main
            new_testsuite('consistent', collect_consistent), &
            new_testsuite('heat', collect_heat), &
            new_testsuite('error estimate', collect_error_estimate), &
+           new_testsuite('accuracy target', collect_accuracy_target), &
            new_testsuite('hard cases', collect_hard_cases), &
            new_testsuite('convergence study', collect_convergence_study), &
            new_testsuite('cost study', collect_cost_study), &

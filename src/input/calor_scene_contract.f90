@@ -148,7 +148,7 @@ module calor_scene_contract
       key_rule_t('output', 'every', number, now, '', 'time between outputs, s'), &
       key_rule_t('output', 'fields', texts, now, '''temperature''', 'what to write'), &
       key_rule_t('accuracy', 'estimate', yes_no, now, '.false.', 'estimate the error'), &
-      key_rule_t('accuracy', 'target', number, later, '', 'the error to reach'), &
+      key_rule_t('accuracy', 'target', number, now, '', 'relative L2 error to reach, at least cost'), &
       key_rule_t('checkpoint', 'file', text, later, '', 'the file to write'), &
       key_rule_t('checkpoint', 'every_seconds', number, later, '', 'time between two, s'), &
       key_rule_t('operators', 'field_expression', expression, now, '', 'the field'), &

@@ -370,6 +370,12 @@ contains
     call file%group('accuracy', group)
     call get(group, 'estimate', scene%accuracy%estimate, error, default=.false.)
     if (allocated(error)) return
+    if (group%has('target')) then
+      call get(group, 'target', scene%accuracy%target, error, positive=.true., maximum=1.0_wp)
+      if (allocated(error)) return
+      ! What is to be reached has to be known.
+      scene%accuracy%estimate = .true.
+    end if
     scene%accuracy%place = place_of(group, '')
   end subroutine read_accuracy
 

@@ -128,12 +128,14 @@ module calor_simulation
 
 contains
 
-  subroutine prepare(this, scene, error)
+  subroutine prepare(this, scene, error, uncertified)
     class(simulation_t), intent(out) :: this
     !> The scene
     type(scene_t), intent(in) :: scene
     !> The scene cannot be simulated
     type(error_t), allocatable, intent(out) :: error
+    !> Leave out the search for unstable modes, as for a short run of which only figures are kept
+    logical, intent(in), optional :: uncertified
     class(kernel_t), allocatable :: kernel
 
     if (.not. scene%time%end > 0) then
@@ -170,6 +172,12 @@ contains
       call this%stopwatch%start('error estimate')
       call this%prepare_estimate(kernel, error)
       if (allocated(error)) return
+    end if
+    if (present(uncertified)) then
+      if (uncertified) then
+        call this%stopwatch%stop()
+        return
+      end if
     end if
     call this%stopwatch%start('stability')
     call this%find_growth()
@@ -342,9 +350,9 @@ contains
   !>
   !> An operator that is exact up to an even degree d, or a low one, misses terms of odd degree,
   !> which particles on opposite sides of one do not cancel: its error varies from particle to
-  !> particle, and the reference has to carry it. That is of order d + 1. Others, of an order p even,
-  !> carry their errors themselves; p + 1 is enough for the reference, as its solution has order
-  !> p + 2 on most clouds.
+  !> particle, and the reference has to carry it. That is of order d + 1. Others, of an order p
+  !> even, carry their errors themselves; p + 1 is enough for the reference, as its solution has
+  !> order p + 2 on most clouds.
   subroutine prepare_estimate(this, kernel, error)
     class(simulation_t), intent(inout) :: this
     class(kernel_t), intent(in) :: kernel

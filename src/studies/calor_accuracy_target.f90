@@ -1,0 +1,361 @@
+!> Reach a wanted error as cheaply as possible: `&accuracy target`.
+!>
+!> Short pilot runs on a coarse cloud show what error each scheme makes there and what it costs;
+!> higher orders are tried as long as that costs less than the best run foreseen so far. Errors go
+!> with the power of the spacing that a scheme's order tells (or two runs of it show), costs with
+!> the number of particles and of evaluations. The cheapest combination foreseen is run with its
+!> error carried along; where the estimate is above the target, what was learned goes into another
+!> choice.
+module calor_accuracy_target
+  use calor_error, only: error_t, raise, status_bad_input, status_bad_numbers
+  use calor_integrators, only: make_integrator
+  use calor_kinds, only: wp
+  use calor_laplacian_schemes, only: usual_support
+  use calor_scene, only: scene_t
+  use calor_simulation, only: simulation_t, observer_t
+  use calor_stepper, only: stepper_t
+  use calor_sums, only: root_mean_square
+  use calor_text, only: to_text
+  implicit none (type, external)
+  private
+
+  public :: target_search_t, search_watcher_t, attempt_t
+
+  !> A scheme that the search may choose
+  type :: method_t
+    character(len=16) :: laplacian
+    integer :: order
+    !> Support radius in spacings; 0: the usual one
+    real(wp) :: support
+    !> The power of the spacing with which its error in the solution goes
+    real(wp) :: power
+    !> Work of a row, in units of that of the first method: it grows with the number of monomials
+    real(wp) :: work
+  end type method_t
+
+  type(method_t), parameter :: methods(*) = [ &
+      method_t('positive', 1, 1.5_wp, 2.0_wp, 1.0_wp), &
+      method_t('consistent', 3, 0.0_wp, 4.0_wp, 4.0_wp), &
+      method_t('consistent', 6, 0.0_wp, 6.0_wp, 24.0_wp), &
+      method_t('consistent', 8, 0.0_wp, 8.0_wp, 60.0_wp)]
+
+  !> A run of the search
+  type :: attempt_t
+    !> Position in the table of methods, and what that says
+    integer :: method = 0
+    character(len=:), allocatable :: scheme
+    !> Spacing, m, and number of particles
+    real(wp) :: spacing = 0.0_wp
+    integer :: particles = 0
+    !> Estimated relative L2 error at the end
+    real(wp) :: estimate = huge(1.0_wp)
+    !> Wall time before and of the steps, s, and evaluations of the Laplacian
+    real(wp) :: setup_seconds = 0.0_wp, step_seconds = 0.0_wp
+    integer :: evaluations = 0, steps = 0
+    !> Spectral radius, 1/s
+    real(wp) :: spectral_radius = 0.0_wp
+    !> Error allowed in each step, as a part of the range of temperatures; and the sum of what the
+    !> steps made of it, as a part of the temperature at the end
+    real(wp) :: tolerance = 0.0_wp, time_error = 0.0_wp
+    !> Whether it is a short run of which only figures are kept
+    logical :: pilot = .true.
+  end type attempt_t
+
+  type :: target_search_t
+    !> The relative L2 error to reach
+    real(wp) :: target = 0.0_wp
+    !> All runs so far
+    type(attempt_t), allocatable :: attempts(:)
+    !> The run that reached the target
+    type(simulation_t) :: simulation
+  contains
+    !> Find a run that reaches the target, and make it
+    procedure :: reach
+    procedure, private :: try
+    procedure, private :: foresee
+    procedure, private :: give_up
+  end type target_search_t
+
+  !> Is told of each run of a search; a program extends it to show progress
+  type, abstract :: search_watcher_t
+  contains
+    procedure(attempted_interface), deferred :: attempted
+  end type search_watcher_t
+
+  abstract interface
+    subroutine attempted_interface(this, attempt)
+      import :: search_watcher_t, attempt_t
+      implicit none (type, external)
+      class(search_watcher_t), intent(inout) :: this
+      type(attempt_t), intent(in) :: attempt
+    end subroutine attempted_interface
+  end interface
+
+  !> Pilot runs have particles so many times farther apart than the scene says, and no run has them
+  !> nearer than so many times
+  real(wp), parameter :: coarsening = 4.0_wp, finest = 16.0_wp
+  !> On fewer particles schemes hardly differ, so that their difference says nothing
+  integer, parameter :: fewest_particles = 100
+  !> Aim at this part of the target
+  real(wp), parameter :: aim = 0.6_wp
+  !> So much of it may be the estimates of all steps together, which decay meanwhile
+  real(wp), parameter :: share_of_time = 0.5_wp
+  !> Spacings are not refined by more at a time than pilot runs can tell
+  real(wp), parameter :: most_refinement = 6.0_wp
+  !> So many full runs may miss the target
+  integer, parameter :: most_runs = 6
+
+contains
+
+  subroutine reach(this, scene, error, watcher, observer)
+    class(target_search_t), intent(out) :: this
+    !> A scene with an accuracy target; its spacing says what detail matters: pilot runs are four
+    !> times coarser, and the finest one sixteen times finer
+    type(scene_t), intent(in) :: scene
+    !> The target was not reached, and which limit was; or the scene cannot be run
+    type(error_t), allocatable, intent(out) :: error
+    !> Who is told of each run
+    class(search_watcher_t), intent(inout), optional :: watcher
+    !> Who is told of the states of full runs
+    class(observer_t), intent(inout), optional :: observer
+    type(attempt_t) :: next
+    type(error_t), allocatable :: failure, first_failure
+    real(wp) :: coarse, foreseen
+    integer :: method, full_run
+
+    this%target = scene%accuracy%target
+    allocate (this%attempts(0))
+    coarse = coarsening*scene%domain%spacing
+    if (scene%domain%shape == 'cloud') coarse = scene%domain%spacing
+    do method = 1, size(methods)
+      next = attempt_t(method=method, spacing=coarse, tolerance=first_tolerance(this%target))
+      call this%try(scene, next, failure)
+      do while ((allocated(failure) .or. next%particles < fewest_particles) .and. &
+                scene%domain%shape /= 'cloud' .and. size(this%attempts) == 0 .and. &
+                coarse > 2*scene%domain%spacing/finest)
+        coarse = 0.5_wp*coarse
+        next%spacing = coarse
+        call this%try(scene, next, failure)
+      end do
+      if (allocated(failure)) then
+        if (.not. allocated(first_failure)) call move_alloc(failure, first_failure)
+        cycle
+      end if
+      this%attempts = [this%attempts, next]
+      if (present(watcher)) call watcher%attempted(next)
+      if (next%estimate <= aim*this%target .or. method == size(methods)) exit
+      call this%foresee(scene, next, foreseen)
+      associate (last => this%attempts(size(this%attempts)))
+        ! What is tried has to be run as well before it pays.
+        if (foreseen < 2*(last%setup_seconds + last%step_seconds)* &
+            methods(method + 1)%work/methods(method)%work) exit
+      end associate
+    end do
+    if (size(this%attempts) == 0) then
+      call move_alloc(first_failure, error)
+      return
+    end if
+    do full_run = 1, most_runs
+      call this%foresee(scene, next, foreseen)
+      if (next%method == 0) then
+        call this%give_up('No run has particles nearer than a sixteenth of &domain spacing: lower '// &
+                          'that, or raise &accuracy target.', error)
+        return
+      end if
+      next%pilot = .false.
+      call this%try(scene, next, failure, observer)
+      if (allocated(failure)) then
+        if (failure%status /= status_bad_numbers) then
+          call this%give_up(failure%message, error)
+          error%status = failure%status
+          return
+        end if
+        ! A scheme that does not bear this cloud is out.
+        this%attempts = pack(this%attempts, this%attempts%method /= next%method)
+        if (size(this%attempts) > 0) cycle
+        call move_alloc(failure, error)
+        return
+      end if
+      this%attempts = [this%attempts, next]
+      if (present(watcher)) call watcher%attempted(next)
+      if (next%estimate <= this%target) return
+      if (scene%domain%shape == 'cloud' .and. next%method == size(methods)) exit
+    end do
+    call this%give_up('After '//to_text(full_run - 1)//' runs it is not worth going on: raise '// &
+                      '&accuracy target.', error)
+  end subroutine reach
+
+  !> Say what was reached, and what stood in the way.
+  subroutine give_up(this, obstacle, error)
+    class(target_search_t), intent(in) :: this
+    character(len=*), intent(in) :: obstacle
+    type(error_t), allocatable, intent(out) :: error
+
+    associate (best => this%attempts(minloc(this%attempts%estimate, dim=1)))
+      call raise(error, status_bad_numbers, 'The target of '//to_text(this%target, digits=3)// &
+                 ' for the relative error was not reached: the best estimate is '// &
+                 to_text(best%estimate, digits=3)//', by '//best%scheme//' with particles '// &
+                 to_text(best%spacing, digits=3)//' m apart.'//new_line('a')//obstacle)
+    end associate
+  end subroutine give_up
+
+  !> Make one run.
+  subroutine try(this, scene, attempt, error, observer)
+    class(target_search_t), intent(inout) :: this
+    type(scene_t), intent(in) :: scene
+    type(attempt_t), intent(inout) :: attempt
+    type(error_t), allocatable, intent(out) :: error
+    class(observer_t), intent(inout), optional :: observer
+    type(scene_t) :: variant
+    type(method_t) :: method
+    real(wp) :: norm
+    integer :: k
+
+    variant = scene
+    method = methods(attempt%method)
+    variant%laplacian = trim(method%laplacian)
+    variant%order = method%order
+    variant%support = method%support
+    if (.not. method%support > 0) variant%support = usual_support(variant%laplacian, method%order)
+    attempt%scheme = trim(method%laplacian)
+    if (method%laplacian == 'consistent') then
+      attempt%scheme = attempt%scheme//' of order '//to_text(method%order)
+    end if
+    variant%domain%spacing = attempt%spacing
+    variant%accuracy%estimate = .true.
+    if (scene%time%method == 'auto') variant%time%method = 'rkl2'
+    if (.not. scene%time%step > 0) variant%time%tolerance = attempt%tolerance
+    if (attempt%pilot) variant%output%file = ''
+    call this%simulation%prepare(variant, error, uncertified=attempt%pilot)
+    if (allocated(error)) return
+    associate (simulation => this%simulation)
+      attempt%particles = simulation%cloud%particles()
+      attempt%spectral_radius = simulation%stepper%spectral_radius
+      if (scene%time%method == 'auto' .and. .not. scene%time%step > 0) then
+        call take_cheaper_steps(simulation, attempt%tolerance)
+      end if
+      call simulation%run(error, observer)
+      if (allocated(error)) return
+      attempt%estimate = simulation%estimated_error()
+      attempt%steps = simulation%stepper%steps
+      attempt%evaluations = simulation%stepper%integrator%evaluations
+      norm = root_mean_square(simulation%temperature + simulation%estimate%error)
+      attempt%time_error = simulation%stepper%accumulated_error/max(norm, tiny(1.0_wp))
+      attempt%step_seconds = 0
+      attempt%setup_seconds = simulation%stopwatch%total()
+      do k = 1, size(simulation%stopwatch%phases)
+        associate (phase => simulation%stopwatch%phases(k))
+          if (phase%name == 'steps') attempt%step_seconds = phase%seconds
+          if (phase%name == 'output') attempt%setup_seconds = attempt%setup_seconds - phase%seconds
+        end associate
+      end do
+      attempt%setup_seconds = attempt%setup_seconds - attempt%step_seconds
+    end associate
+  end subroutine try
+
+  !> Runge–Kutta 4, where its steps, bounded by stability, cost less than those of RKL2, bounded by
+  !> the tolerance. Its own error is then far below that of any scheme in space.
+  subroutine take_cheaper_steps(simulation, tolerance)
+    type(simulation_t), intent(inout) :: simulation
+    real(wp), intent(in) :: tolerance
+    type(stepper_t) :: other
+    type(error_t), allocatable :: impossible
+    real(wp) :: step
+
+    associate (stepper => simulation%stepper, end_time => simulation%scene%time%end)
+      call make_integrator('runge_kutta_4', other%integrator, impossible)
+      step = 0.9_wp*other%integrator%longest_stable_step(stepper%spectral_radius)
+      if (4*end_time/step > rkl2_evaluations(stepper%spectral_radius*end_time, &
+                                             likely_steps(tolerance))) return
+      call move_alloc(other%integrator, stepper%integrator)
+      stepper%tolerance = 0
+      stepper%longest_step = step
+      simulation%scene%time%method = 'runge_kutta_4'
+    end associate
+  end subroutine take_cheaper_steps
+
+  !> Errors of steps that should add up to a part of the target: `likely_steps` of them, on a field
+  !> that has decayed to a fifth.
+  pure function first_tolerance(target) result(tolerance)
+    real(wp), intent(in) :: target
+    real(wp) :: tolerance
+
+    tolerance = (0.2_wp*target)**1.5_wp
+  end function first_tolerance
+
+  !> Steps of second order that a smooth field needs from its start to its decay
+  pure function likely_steps(tolerance) result(steps)
+    real(wp), intent(in) :: tolerance
+    real(wp) :: steps
+
+    steps = max(8.0_wp, 1.5_wp*(0.055_wp/tolerance)**(1.0_wp/3))
+  end function likely_steps
+
+  !> Evaluations of so many steps of RKL2
+  pure function rkl2_evaluations(decay, steps) result(evaluations)
+    !> Spectral radius times the time to be simulated
+    real(wp), intent(in) :: decay, steps
+    real(wp) :: evaluations
+
+    evaluations = steps*max(3.0_wp, sqrt(2*decay/steps))
+  end function rkl2_evaluations
+
+  !> The cheapest run that should reach the target, from the finest run of each method.
+  subroutine foresee(this, scene, next, seconds)
+    class(target_search_t), intent(in) :: this
+    type(scene_t), intent(in) :: scene
+    !> That run
+    type(attempt_t), intent(out) :: next
+    !> The time that it should take, s
+    real(wp), intent(out) :: seconds
+    type(attempt_t) :: candidate
+    real(wp) :: cost, refinement, power, decay, steps, evaluations
+    integer :: method, last, before
+
+    seconds = huge(1.0_wp)
+    do method = 1, size(methods)
+      last = findloc(this%attempts%method, method, dim=1, back=.true.)
+      if (last == 0) cycle
+      associate (known => this%attempts(last))
+        power = methods(method)%power
+        before = findloc(this%attempts(:last - 1)%method, method, dim=1, back=.true.)
+        if (before > 0) then
+          if (this%attempts(before)%spacing > 1.1_wp*known%spacing) then
+            power = log(this%attempts(before)%estimate/known%estimate)/ &
+                    log(this%attempts(before)%spacing/known%spacing)
+            power = min(methods(method)%power + 1, max(1.0_wp, power))
+          end if
+        end if
+        refinement = 1
+        if (known%estimate > aim*this%target) then
+          refinement = (known%estimate/(aim*this%target))**(1/power)
+        end if
+        if (scene%domain%shape == 'cloud') then
+          if (refinement > 1 .and. any(this%attempts%estimate < known%estimate)) cycle
+          refinement = 1
+        end if
+        candidate = known
+        candidate%spacing = known%spacing/min(refinement, most_refinement)
+        if (refinement > 1 .and. scene%domain%shape /= 'cloud') then
+          ! What is as fine as can be, and not good enough, is out.
+          if (known%spacing < 1.01_wp*scene%domain%spacing/finest) cycle
+          candidate%spacing = max(candidate%spacing, scene%domain%spacing/finest)
+        end if
+        if (known%time_error > 0) then
+          candidate%tolerance = known%tolerance*min(1.0_wp, share_of_time*this%target/ &
+                                                    known%time_error)**1.5_wp
+        end if
+        decay = known%spectral_radius*refinement**2*scene%time%end
+        steps = likely_steps(candidate%tolerance)
+        evaluations = min(4*decay/2.5_wp, rkl2_evaluations(decay, steps))
+        cost = refinement**2*(known%setup_seconds + &
+                              known%step_seconds*evaluations/max(1, known%evaluations))
+        if (cost < seconds) then
+          seconds = cost
+          next = candidate
+        end if
+      end associate
+    end do
+  end subroutine foresee
+
+end module calor_accuracy_target
