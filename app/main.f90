@@ -9,7 +9,7 @@ program main
                    operator_study_t, describe_plan, describe_result, describe_derivatives, &
                    write_new_scene, contract_help, contract_groups, kernel_choices, &
                    laplacian_choices, gradient_choices, integrator_choices, arrangement_choices, &
-                   skip_hdf5_cleanup, ignore_file_size_signal
+                   shape_choices, skip_hdf5_cleanup, ignore_file_size_signal
   use run_progress, only: run_progress_t
   use terminal, only: say, everything_said
   implicit none (type, external)
@@ -197,6 +197,7 @@ contains
     case ('run', 'check')
       call say('SCENE is a namelist file of these groups and keys:')
       call show_groups(contract_groups())
+      call show_choices('&domain shape', shape_choices)
       call show_choices('&domain arrangement', arrangement_choices)
       call show_choices('&kernel name', kernel_choices)
       call show_choices('&scheme laplacian', laplacian_choices)

@@ -2,11 +2,11 @@
 !>
 !>     scene_reference            the groups
 !>     scene_reference GROUP      the keys of a group
-!>     scene_reference LIST       what there is to choose from: kernels, arrangements, laplacians,
-!>                                gradients or methods
+!>     scene_reference LIST       what there is to choose from: shapes, arrangements, kernels,
+!>                                laplacians, gradients or methods
 program scene_reference
   use calor, only: arrangement_choices, choice_t, contract_help, gradient_choices, &
-                   integrator_choices, kernel_choices, laplacian_choices
+                   integrator_choices, kernel_choices, laplacian_choices, shape_choices
   implicit none (type, external)
   character(len=32) :: topic
 
@@ -15,6 +15,8 @@ program scene_reference
   select case (topic)
   case ('kernels')
     call print_choices(kernel_choices)
+  case ('shapes')
+    call print_choices(shape_choices)
   case ('arrangements')
     call print_choices(arrangement_choices)
   case ('laplacians')

@@ -1,12 +1,15 @@
 !> The public face of the library: `use calor` gives an application all it needs.
 module calor
   use calor_arrangements, only: arrangement_choices
+  use calor_body, only: body_t
+  use calor_body_cloud, only: fill_body
   use calor_choice, only: choice_t, choice_names
   use calor_cloud, only: cloud_t
   use calor_cloud_check, only: check_cloud
   use calor_cloud_file, only: read_cloud_file
   use calor_constants, only: pi
   use calor_description, only: describe_plan, describe_result
+  use calor_disc_body, only: make_disc_body, make_annulus_body
   use calor_error, only: error_t, raise, status_done, status_bad_input, status_bad_numbers, &
                          status_bad_file
   use calor_evolution, only: evolution_t
@@ -27,12 +30,15 @@ module calor
   use calor_new_scene, only: write_new_scene
   use calor_operator_description, only: describe_derivatives
   use calor_operator_study, only: operator_study_t, derivative_t
+  use calor_polygon_body, only: make_polygon_body
+  use calor_rectangle_body, only: make_rectangle_body
   use calor_rectangle_cloud, only: make_rectangle
   use calor_renormalization, only: gradient_tensor, laplacian_tensor
   use calor_row_report, only: row_report_t
   use calor_scene, only: scene_t
   use calor_scene_contract, only: contract_help, contract_groups
   use calor_scene_reader, only: read_scene, interpret_scene
+  use calor_shapes, only: shape_choices
   use calor_simulation, only: simulation_t, observer_t
   use calor_space_filling_curve, only: hilbert_order
   use calor_sparse_operator, only: sparse_operator_t

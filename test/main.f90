@@ -22,6 +22,7 @@ program main
   use test_kernels, only: collect_kernels
   use test_neighbour_list, only: collect_neighbour_list
   use test_random, only: collect_random
+  use test_shapes, only: collect_shapes
   use test_stable_rows, only: collect_stable_rows
   use test_text, only: collect_text
   use test_time, only: collect_time
@@ -48,6 +49,7 @@ program main
            new_testsuite('neighbour list', collect_neighbour_list), &
            new_testsuite('random', collect_random), &
            new_testsuite('clouds', collect_clouds), &
+           new_testsuite('shapes', collect_shapes), &
            new_testsuite('documents', collect_documents), &
            new_testsuite('examples', collect_examples), &
            new_testsuite('command line', collect_command_line) &

@@ -319,6 +319,34 @@ contains
                'line 2: &domain|jitter = 0.6|less than 0.5'), &
         case_t(jittered//'seed=1.5 /', 2, &
                'line 2: &domain seed|whole number'), &
+        case_t('&domain shape = ''disk'' radius = 1 spacing = 0.1 /', 2, &
+               'line 2: &domain shape|Did you mean ''disc'''), &
+        case_t('&domain shape = ''disc'' spacing = 0.1 /', 2, 'line 2: &domain|radius'), &
+        case_t('&domain shape = ''disc'' radius = -1 spacing = 0.1 /', 2, &
+               'line 2: &domain radius|greater than 0'), &
+        case_t('&domain shape = ''disc'' radius = 1 spacing = 1.5 /', 2, &
+               'line 2: &domain|spacing = 1.5|radius of 1 m|at most 1.4'), &
+        case_t('&domain shape = ''disc'' radius = 1 inner_radius = 0.5 spacing = 0.1 /', 2, &
+               'line 2: &domain inner_radius|nothing with shape = ''disc'''), &
+        case_t('&domain shape=''annulus'' radius=1 inner_radius=2 spacing=0.1 /', 2, &
+               'line 2: &domain inner_radius = 2|less than radius = 1'), &
+        case_t('&domain shape = ''disc'' radius = 1 spacing = 1e-9 /', 2, &
+               'line 2: &domain|memory|spacing'), &
+        case_t('&domain shape = ''disc'' radius = 1e200 spacing = 1 /', 2, &
+               'line 2: &domain radius|1e100'), &
+        case_t('&domain shape = ''polygon'' vertices = 0,0, 0,1, 1,1 spacing = 0.1 /', 2, &
+               'line 2: &domain vertices|clockwise|opposite order'), &
+        case_t('&domain shape = ''polygon'' vertices = 0,0, 1,0, 1 spacing = 0.1 /', 2, &
+               'line 2: &domain vertices|found 5 numbers'), &
+        case_t('&domain shape=''polygon'' vertices=0,0,1,0,0,1 hole_vertices=2,2,3,2,3,3 '// &
+               'spacing=0.1 /', 2, 'line 2: &domain hole_vertices|hole 1|outside the polygon'), &
+        case_t('&domain shape = ''polygon'' vertices = 0,0, 1,0, 0,1 spacing = 2 /', 2, &
+               'line 2: &domain|spacing = 2|larger than the polygon'), &
+        case_t('&domain shape = ''polygon'' vertices = 0,0, 1,0, 0,1 x_range = 0, 1 /', 2, &
+               'line 2: &domain x_range|nothing with shape = ''polygon'''), &
+        case_t(lattice//'seed = 3 /', 2, 'line 2: &domain seed|arrangement = ''lattice'''), &
+        case_t(lattice//'arrangement = ''relaxed'' jitter = 0.1 /', 2, &
+               'line 2: &domain jitter|arrangement = ''relaxed'''), &
         case_t('&kernel support = 0.9 /', 2, 'line 3: &kernel support|no neighbour|0.09 m'), &
         case_t('&kernel support = 1e300 /', 2, 'line 3: &kernel support|at most 100'), &
         case_t('&kernel name = ''wendlandc2'' /', 2, 'line 3: &kernel name|''wendland_c2'''), &
@@ -348,11 +376,6 @@ contains
     type(error_type), allocatable, intent(out) :: error
 
     call expect_refusals(error, 'check', [ &
-        case_t('&domain shape = ''disc'' /', 2, &
-               'line 2: &domain shape|''disc''|does not have it yet'), &
-        case_t('&domain centre = 0, 0 /', 2, 'line 2: &domain centre|this version'), &
-        case_t(lattice//'arrangement=''relaxed'' /', 2, &
-               'line 2: &domain|''relaxed''|not available yet'), &
         case_t('&material conductivity_expression = ''1+x'' /', 2, &
                '&material conductivity_exp|yet'), &
         case_t('&material where_expression = ''x'' /', 2, &

@@ -34,6 +34,7 @@ contains
                 new_unittest('temperature and time differ', test_temperature), &
                 new_unittest('constants and conditions', test_constants), &
                 new_unittest('values that are no numbers', test_not_finite), &
+                new_unittest('Bessel and error functions', test_functions), &
                 new_unittest('variables in use', test_uses), &
                 new_unittest('error messages', test_messages), &
                 new_unittest('nothing wrong is accepted', test_refused), &
@@ -159,6 +160,47 @@ contains
     if (allocated(error)) return
     call check(error, values(2), 2.0_wp)
   end subroutine test_not_finite
+
+  !> Values from tables (Abramowitz and Stegun 9.1 and 7.1), and on all threads at once.
+  subroutine test_functions(error)
+    type(error_type), allocatable, intent(out) :: error
+    character(len=*), parameter :: expressions(*) = [character(len=12) :: &
+        'j0(2*x)', 'j1(-2*x)', 'erf(x/2)', 'erfc(x*5)', 'j0(2) + 0*x', 'erfc(30*x)*t']
+    real(wp), parameter :: expected(*) = [0.223890779141236_wp, -0.576724807756873_wp, &
+        0.520499877813047_wp, 1.53745979442803e-12_wp, 0.223890779141236_wp, 0.0_wp]
+    type(expression_t) :: expression, mine
+    type(error_t), allocatable :: failure
+    real(wp) :: value
+    real(wp) :: x(1000), values(1000)
+    integer :: k, wrong
+
+    do k = 1, size(expressions)
+      call compile(trim(expressions(k)), expression, error)
+      if (allocated(error)) return
+      call expression%evaluate(1.0_wp, 0.0_wp, 0.0_wp, value)
+      call check(error, abs(value - expected(k)) <= 1.0e-14_wp*abs(expected(k)) + 1.0e-300_wp, &
+                 trim(expressions(k)))
+      if (allocated(error)) return
+    end do
+    call compile('j0(x) + y*erf(x)', expression, error)
+    if (allocated(error)) return
+    x = [(0.01_wp*k, k=1, size(x))]
+    wrong = 0
+    !$omp parallel default(shared) private(mine, values) reduction(+: wrong) num_threads(4)
+    !$omp critical
+    mine = expression
+    !$omp end critical
+    call mine%evaluate(x, 2 + 0*x, 0.0_wp, values)
+    wrong = count(abs(values - bessel_j0(x) - 2*erf(x)) > 1.0e-15_wp)
+    !$omp end parallel
+    call check(error, wrong, 0)
+    if (allocated(error)) return
+    call compile_expression('j0(x, y)', expression, failure)
+    call check(error, allocated(failure), 'two arguments of one are accepted')
+    if (allocated(error)) return
+    call compile_expression('erf + 1', expression, failure)
+    call check(error, index(failure%message, 'the function ''erf'' needs its arguments in') > 0)
+  end subroutine test_functions
 
   subroutine test_uses(error)
     type(error_type), allocatable, intent(out) :: error

@@ -179,8 +179,7 @@ contains
   subroutine test_later_keys(error)
     type(error_type), allocatable, intent(out) :: error
     character(len=*), parameter :: keys(*) = [character(len=40) :: &
-        'domain vertices = 0, 1', 'domain centre = 0, 0', 'domain radius = 1', &
-        'domain inner_radius = 1', 'material where_expression = ''x''', &
+        'material where_expression = ''x''', &
         'material conductivity_expression = ''x''', 'material density_expression = ''x''', &
         'material heat_capacity_expression = ''x''', 'boundary where_expression = ''x''', &
         'boundary flux = 1', 'boundary flux_expression = ''1''', 'boundary coefficient = 1', &

@@ -3,10 +3,12 @@
 !> muParser (https://beltoforion.de/en/muparser) parses an expression into byte code once; after
 !> that a value costs some tens of nanoseconds. Points are evaluated one after another and not by
 !> muParser's own bulk mode, which parses anew at each call, starts threads for the smallest job,
-!> changes the caller's number of threads, and is no faster for it.
+!> changes the caller's number of threads, and is no faster for it. Beside muParser's own functions
+!> there are those that solutions of the heat equation are made of: the Bessel functions j0 and j1
+!> and the error functions erf and erfc.
 module calor_expression
   use, intrinsic :: iso_c_binding, only: c_ptr, c_char, c_int, c_double, c_intptr_t, c_loc, &
-      c_null_ptr, c_null_char, c_associated, c_f_pointer
+      c_null_ptr, c_null_char, c_associated, c_f_pointer, c_funptr, c_funloc
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use, intrinsic :: ieee_exceptions, only: ieee_status_type, ieee_get_status, ieee_set_status, &
       ieee_set_halting_mode, ieee_all
@@ -30,7 +32,7 @@ module calor_expression
   character(len=5), parameter :: known_names(*) = [character(len=5) :: variable_names, &
       'pi', '_pi', '_e', 'sin', 'cos', 'tan', 'asin', 'acos', 'atan', 'atan2', 'sinh', 'cosh', &
       'tanh', 'asinh', 'acosh', 'atanh', 'log2', 'log10', 'log', 'ln', 'exp', 'sqrt', 'sign', &
-      'rint', 'abs', 'min', 'max', 'sum', 'avg']
+      'rint', 'abs', 'min', 'max', 'sum', 'avg', 'j0', 'j1', 'erf', 'erfc']
 
   !> The names in `known_names` up to this one stand for numbers, the later ones are functions
   integer, parameter :: last_number_name = size(variable_names) + 3
@@ -115,6 +117,17 @@ module calor_expression
       character(kind=c_char), intent(in) :: name(*)
       real(c_double), value :: number
     end subroutine mup_define_constant
+
+    subroutine mup_define_function(parser, name, function, fold) bind(c, name='mupDefineFun1')
+      import :: c_ptr, c_char, c_int, c_funptr
+      implicit none (type, external)
+      type(c_ptr), value :: parser
+      ! allow(assumed-size)
+      character(kind=c_char), intent(in) :: name(*)
+      type(c_funptr), value :: function
+      !> Whether the value of a constant may be computed once, when the expression is parsed
+      integer(c_int), value :: fold
+    end subroutine mup_define_function
 
     function mup_evaluate(parser) bind(c, name='mupEval') result(number)
       import :: c_ptr, c_double
@@ -368,8 +381,46 @@ contains
     call mup_define_constant(self%parser, 'pi'//c_null_char, real(pi, c_double))
     ! muParser's own has 13 digits
     call mup_define_constant(self%parser, '_pi'//c_null_char, real(pi, c_double))
+    call mup_define_function(self%parser, 'j0'//c_null_char, c_funloc(bessel_0), 1_c_int)
+    call mup_define_function(self%parser, 'j1'//c_null_char, c_funloc(bessel_1), 1_c_int)
+    call mup_define_function(self%parser, 'erf'//c_null_char, c_funloc(error_function), 1_c_int)
+    call mup_define_function(self%parser, 'erfc'//c_null_char, c_funloc(error_complement), 1_c_int)
     call mup_set_expression(self%parser, trim(self%text)//c_null_char)
   end subroutine start_parser
+
+  ! What muParser calls; without state, and so safe on every thread
+
+  !> J₀
+  pure function bessel_0(x) bind(c, name='') result(value)
+    real(c_double), value :: x
+    real(c_double) :: value
+
+    value = bessel_j0(x)
+  end function bessel_0
+
+  !> J₁
+  pure function bessel_1(x) bind(c, name='') result(value)
+    real(c_double), value :: x
+    real(c_double) :: value
+
+    value = bessel_j1(x)
+  end function bessel_1
+
+  !> 2/√π ∫ exp(-s²) from 0 to x
+  pure function error_function(x) bind(c, name='') result(value)
+    real(c_double), value :: x
+    real(c_double) :: value
+
+    value = erf(x)
+  end function error_function
+
+  !> 1 - erf(x), exact also where that is tiny
+  pure function error_complement(x) bind(c, name='') result(value)
+    real(c_double), value :: x
+    real(c_double) :: value
+
+    value = erfc(x)
+  end function error_complement
 
   !> Let muParser parse the expression, which it does at the first evaluation.
   subroutine try_parser(self, position, reason)

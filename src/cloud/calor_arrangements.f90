@@ -11,6 +11,6 @@ module calor_arrangements
       choice_t('lattice', 'Squares: the most accurate where the shape allows it'), &
       choice_t('hexagonal', 'Triangles: the closest packing, columns shifted by half a spacing'), &
       choice_t('jittered', 'A lattice whose inner particles are displaced at random'), &
-      choice_t('relaxed', 'Evenly spread over any shape; not available yet') &
+      choice_t('relaxed', 'Evenly spread: particles repel each other and fit the walls') &
       ]
 end module calor_arrangements

@@ -12,10 +12,21 @@ module calor_cloud
   type :: cloud_t
     !> Coordinates, m
     real(wp), allocatable :: x(:), y(:)
-    !> Particle volumes (areas in two dimensions), m²
+    !> Weights of particles in the sums over kernels, m²: what a particle in the midst of its equals
+    !> fills, on walls too, where a kernel's support is cut off
     real(wp), allocatable :: volume(:)
+    !> What part of the body a particle stands for in an integral, m². Of a body of a known shape
+    !> these sum to its area: half a cell on a straight wall, a quarter in a right corner. Of a
+    !> cloud from a file they are the volumes.
+    real(wp), allocatable :: area(:)
     !> Which boundaries a particle lies on: bit k-1 set means `boundary(k)`; 0 means inside
     integer(ip), allocatable :: side(:)
+    !> Outward unit normal on walls, 0 inside; in a corner the mean of both walls' normals. Not
+    !> allocated where the walls of a cloud from a file have none.
+    real(wp), allocatable :: normal_x(:), normal_y(:)
+    !> The length of boundary that a wall particle stands for, m, 0 inside: half the way to its
+    !> neighbours on both sides. Not allocated where a cloud from a file has none.
+    real(wp), allocatable :: wall_length(:)
     !> The place of each particle in the user's order
     integer(ip), allocatable :: user_index(:)
     !> Names of the boundaries, such as 'left'
@@ -25,7 +36,8 @@ module calor_cloud
   contains
     !> Number of particles
     procedure :: particles
-    !> Put the particles into another order; `user_index` keeps the way back
+    !> Put the particles into another order, or take some of them, even twice; `user_index` keeps
+    !> the way back
     procedure :: reorder
   end type cloud_t
 
@@ -33,7 +45,7 @@ contains
 
   !> Make room for a number of particles, all of them inside and in the user's order.
   !>
-  !> Coordinates and volumes are left undefined.
+  !> Coordinates, volumes and areas are left undefined; walls are not allocated.
   subroutine allocate_cloud(cloud, particles, error)
     !> The cloud
     type(cloud_t), intent(out) :: cloud
@@ -46,6 +58,7 @@ contains
     allocate (cloud%x(particles), stat=failed)
     if (failed == 0) allocate (cloud%y(particles), stat=failed)
     if (failed == 0) allocate (cloud%volume(particles), stat=failed)
+    if (failed == 0) allocate (cloud%area(particles), stat=failed)
     if (failed == 0) allocate (cloud%side(particles), stat=failed)
     if (failed == 0) allocate (cloud%user_index(particles), stat=failed)
     if (failed /= 0) then
@@ -69,13 +82,17 @@ contains
 
   pure subroutine reorder(this, order)
     class(cloud_t), intent(inout) :: this
-    !> Permutation: the new k-th particle is the old `order(k)`-th
+    !> The new k-th particle is the old `order(k)`-th
     integer(ip), intent(in) :: order(:)
 
     this%x = this%x(order)
     this%y = this%y(order)
     this%volume = this%volume(order)
+    if (allocated(this%area)) this%area = this%area(order)
     this%side = this%side(order)
+    if (allocated(this%normal_x)) this%normal_x = this%normal_x(order)
+    if (allocated(this%normal_y)) this%normal_y = this%normal_y(order)
+    if (allocated(this%wall_length)) this%wall_length = this%wall_length(order)
     this%user_index = this%user_index(order)
   end subroutine reorder
 

@@ -88,15 +88,18 @@ module calor_scene_contract
       key_rule_t('domain', 'shape', text, now, '''rectangle''', 'the shape of the body'), &
       key_rule_t('domain', 'x_range', numbers, now, '', 'left and right end of a rectangle, m'), &
       key_rule_t('domain', 'y_range', numbers, now, '', 'lower and upper end of a rectangle, m'), &
-      key_rule_t('domain', 'centre', numbers, later, '', 'centre of a disc or annulus, m'), &
-      key_rule_t('domain', 'radius', number, later, '', 'radius of a disc or annulus, m'), &
-      key_rule_t('domain', 'inner_radius', number, later, '', 'inner radius of an annulus, m'), &
-      key_rule_t('domain', 'vertices', numbers, later, '', 'corners of a polygon, x and y, m'), &
+      key_rule_t('domain', 'centre', numbers, now, '0, 0', 'centre of a disc or annulus, m'), &
+      key_rule_t('domain', 'radius', number, now, '', 'radius of a disc or annulus, m'), &
+      key_rule_t('domain', 'inner_radius', number, now, '', 'inner radius of an annulus, m'), &
+      key_rule_t('domain', 'vertices', numbers, now, '', 'corners of a polygon, x and y, '// &
+                 'counter-clockwise, m'), &
+      key_rule_t('domain', 'hole_vertices', numbers, now, '', 'corners of its holes, each '// &
+                 'closed by its first one, m'), &
       key_rule_t('domain', 'file', text, now, '', 'the file of a cloud of one''s own'), &
       key_rule_t('domain', 'spacing', number, now, '', 'distance between particles, m'), &
       key_rule_t('domain', 'arrangement', text, now, '''lattice''', 'how particles are placed'), &
       key_rule_t('domain', 'jitter', number, now, '0.2', 'displacement in units of spacing'), &
-      key_rule_t('domain', 'seed', whole, now, '1', 'seed of the random displacements'), &
+      key_rule_t('domain', 'seed', whole, now, '1', 'seed of jittered or relaxed particles'), &
       key_rule_t('kernel', 'name', text, now, '''wendland_c2''', 'the kernel'), &
       key_rule_t('kernel', 'support', number, now, '2.1', 'support radius in units of spacing'// &
                  ' (consistent: 1 + 0.45 order)'), &
@@ -161,8 +164,7 @@ module calor_scene_contract
 
   type(value_rule_t), parameter :: value_rules(*) = [ &
       value_rule_t('time', 'steady', '.false.', '.true.'), &
-      value_rule_t('boundary', 'kind', 'temperature', 'flux convection radiation insulated'), &
-      value_rule_t('domain', 'shape', '', 'disc annulus polygon')]
+      value_rule_t('boundary', 'kind', 'temperature', 'flux convection radiation insulated')]
 
   character(len=*), parameter :: companion = '_expression'
 

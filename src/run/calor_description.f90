@@ -28,6 +28,7 @@ contains
 
     allocate (lines(0))
     call add(lines, '', headline(simulation))
+    if (simulation%scene%domain%shape /= 'cloud') call add(lines, 'Body', body(simulation))
     call add(lines, 'Particles', particles(simulation))
     call add(lines, 'Neighbours', neighbours(simulation))
     call add(lines, 'Laplacian', scheme(simulation%scene))
@@ -132,6 +133,16 @@ contains
     if (simulation%scene%title /= '') text = simulation%scene%title//' ('//text//')'
   end function headline
 
+  function body(simulation) result(text)
+    type(simulation_t), intent(in) :: simulation
+    character(len=:), allocatable :: text
+
+    associate (cloud => simulation%cloud)
+      text = simulation%scene%domain%shape//', '//to_text(sum(cloud%area), digits=6)// &
+             ' m2 in a boundary of '//to_text(sum(cloud%wall_length), digits=6)//' m'
+    end associate
+  end function body
+
   function particles(simulation) result(text)
     type(simulation_t), intent(in) :: simulation
     character(len=:), allocatable :: text
@@ -143,8 +154,9 @@ contains
         text = text//', from '//domain%file
       else
         text = text//', '//domain%arrangement
-        if (domain%arrangement == 'jittered') then
-          text = text//' by '//to_text(domain%jitter)//' (seed '//to_text(domain%seed)//')'
+        if (domain%arrangement == 'jittered') text = text//' by '//to_text(domain%jitter)
+        if (domain%arrangement == 'jittered' .or. domain%arrangement == 'relaxed') then
+          text = text//' (seed '//to_text(domain%seed)//')'
         end if
       end if
     end associate

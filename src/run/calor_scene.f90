@@ -10,10 +10,14 @@ module calor_scene
 
   !> Where the body is and how particles fill it
   type :: domain_t
-    !> 'rectangle' or 'cloud'
+    !> One of the names in `shape_choices`
     character(len=:), allocatable :: shape
     !> Edges of a rectangle, m
     real(wp) :: x_range(2) = [0.0_wp, 1.0_wp], y_range(2) = [0.0_wp, 1.0_wp]
+    !> Centre of a disc or annulus, its radius and its inner radius, m
+    real(wp) :: centre(2) = 0.0_wp, radius = 1.0_wp, inner_radius = 0.5_wp
+    !> Corners of a polygon and of its holes as `make_polygon_body` takes them, m
+    real(wp), allocatable :: vertices(:), hole_vertices(:)
     !> File of a user's cloud
     character(len=:), allocatable :: file
     !> Distance between neighbouring particles, m; 0 if it was not given

@@ -1,6 +1,7 @@
 !> From a scene to its cloud.
 module calor_scene_cloud
-  use calor_rectangle_cloud, only: make_rectangle
+  use calor_body, only: body_t
+  use calor_body_cloud, only: fill_body
   use calor_cloud, only: cloud_t
   use calor_cloud_check, only: check_cloud
   use calor_cloud_file, only: read_cloud_file
@@ -9,7 +10,9 @@ module calor_scene_cloud
   use calor_kinds, only: wp, ip
   use calor_memory_need, only: check_memory
   use calor_neighbour_list, only: neighbour_list_t
+  use calor_rectangle_cloud, only: make_rectangle
   use calor_scene, only: scene_t
+  use calor_scene_body, only: make_scene_body
   use calor_space_filling_curve, only: hilbert_order
   use calor_text, only: to_text
   use calor_volume, only: volumes_from_kernel
@@ -31,6 +34,7 @@ contains
     type(cloud_t), intent(out) :: cloud
     !> The scene's domain or the user's cloud is wrong, or its file cannot be read
     type(error_t), allocatable, intent(out) :: error
+    type(body_t) :: body
     integer(ip), allocatable :: order(:)
     logical :: has_volume, has_wall
 
@@ -47,12 +51,19 @@ contains
         if (.not. has_volume) then
           call volumes_from_kernel(cloud, kernel, scene%support*cloud%spacing)
         end if
+        cloud%area = cloud%volume
       case default
-        call check_memory(rectangle_particles(domain%x_range, domain%y_range, domain%spacing), &
-                          scene%support, domain%place, error)
+        call make_scene_body(domain, body, error)
         if (allocated(error)) return
-        call make_rectangle(domain%x_range, domain%y_range, domain%spacing, domain%arrangement, &
-                            domain%jitter, domain%seed, cloud, error)
+        call check_memory(body%particles_about(domain%spacing), scene%support, domain%place, error)
+        if (allocated(error)) return
+        if (domain%shape == 'rectangle') then
+          call make_rectangle(domain%x_range, domain%y_range, domain%spacing, &
+                              domain%arrangement, domain%jitter, domain%seed, cloud, error)
+        else
+          call fill_body(body, domain%spacing, domain%arrangement, domain%jitter, domain%seed, &
+                         cloud, error)
+        end if
       end select
       if (.not. allocated(error)) call check_cloud(cloud, error)
       if (allocated(error)) then
@@ -90,18 +101,6 @@ contains
       return
     end do
   end subroutine require_neighbours
-
-  !> About how many particles fill a rectangle
-  pure function rectangle_particles(x_range, y_range, spacing) result(number)
-    real(wp), intent(in) :: x_range(2), y_range(2), spacing
-    real(wp) :: number
-    !> No machine has memory for so many, and products of what is more could overflow
-    real(wp), parameter :: most = 1.0e18_wp
-
-    number = most
-    if (spacing*most < max(x_range(2) - x_range(1), y_range(2) - y_range(1))) return
-    number = ((x_range(2) - x_range(1))/spacing + 1)*((y_range(2) - y_range(1))/spacing + 1)
-  end function rectangle_particles
 
   !> A user's cloud: the spacing given, or the root of the mean particle volume.
   subroutine set_spacing(given, has_volume, cloud, error)

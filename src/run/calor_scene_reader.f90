@@ -1,6 +1,7 @@
 !> From a scene file to a scene.
 module calor_scene_reader
   use calor_arrangements, only: arrangement_choices
+  use calor_body, only: body_t
   use calor_choice, only: choice_t
   use calor_error, only: error_t
   use calor_expression, only: expression_t
@@ -9,22 +10,18 @@ module calor_scene_reader
   use calor_kernels, only: kernel_choices
   use calor_kinds, only: wp
   use calor_laplacian_schemes, only: laplacian_choices, usual_support
-  use calor_scene, only: scene_t, boundary_t
+  use calor_scene, only: scene_t, domain_t, boundary_t
+  use calor_scene_body, only: make_scene_body
   use calor_scene_contract, only: check_against_contract
   use calor_scene_file, only: scene_file_t, group_t, read_scene_file, parse_scene_text
   use calor_scene_getters, only: get, get_choice, get_choices, get_expression, place_of, raise_at
+  use calor_shapes, only: shape_choices
   use calor_taylor_weights, only: default_order
   use calor_text, only: text_t, text_list, to_text
   implicit none (type, external)
   private
 
   public :: read_scene, interpret_scene
-
-  !> Shapes of the domain
-  type(choice_t), parameter :: shape_choices(*) = [ &
-      choice_t('rectangle', 'a rectangle with sides along the axes'), &
-      choice_t('cloud', 'particles from a file') &
-      ]
 
   !> Kinds of boundary condition
   type(choice_t), parameter :: boundary_choices(*) = [ &
@@ -43,6 +40,10 @@ module calor_scene_reader
       choice_t('condition_gradient', 'condition number of the system for B'), &
       choice_t('condition_laplacian', 'condition number of the system for B-hat') &
       ]
+
+  !> Keys of &domain that say where the body is
+  character(len=*), parameter :: geometry_keys(*) = [character(len=13) :: 'x_range', 'y_range', &
+      'centre', 'radius', 'inner_radius', 'vertices', 'hole_vertices', 'file']
 
   !> A kernel that smooths over more spacings is a slip of the pen
   real(wp), parameter :: widest_support = 100.0_wp
@@ -124,51 +125,106 @@ contains
     type(scene_t), intent(inout) :: scene
     type(error_t), allocatable, intent(out) :: error
     type(group_t) :: group
-    real(wp), allocatable :: range(:)
 
     call file%group('domain', group)
     associate (domain => scene%domain)
       domain%place = place_of(group, '')
       call get_choice(group, 'shape', shape_choices, domain%shape, error, default='rectangle')
       if (allocated(error)) return
+      call refuse_keys(group, pack(geometry_keys, .not. belongs(geometry_keys, domain%shape)), &
+                       'shape = '''//domain%shape//'''', error)
+      if (allocated(error)) return
       domain%arrangement = 'lattice'
       domain%file = ''
       if (domain%shape == 'cloud') then
-        call refuse_keys(group, [character(len=11) :: &
-                                 'x_range', 'y_range', 'arrangement', 'jitter', &
-                                 'seed'], 'shape = ''cloud''', error)
+        call refuse_keys(group, [character(len=11) :: 'arrangement', 'jitter', 'seed'], &
+                         'shape = ''cloud''', error)
         if (allocated(error)) return
         call get(group, 'file', domain%file, error, not_blank=.true.)
-        if (allocated(error)) return
-        call get(group, 'spacing', domain%spacing, error, default=0.0_wp)
         if (allocated(error)) return
         if (group%has('spacing')) call get(group, 'spacing', domain%spacing, error, positive=.true.)
         return
       end if
-      call refuse_keys(group, ['file'], 'shape = '''//domain%shape//'''', error)
+      call read_geometry(group, domain, error)
       if (allocated(error)) return
-      call get(group, 'x_range', range, error, count=2, increasing=.true.)
-      if (allocated(error)) return
-      domain%x_range = range
-      call get(group, 'y_range', range, error, count=2, increasing=.true.)
-      if (allocated(error)) return
-      domain%y_range = range
       call get(group, 'spacing', domain%spacing, error, positive=.true.)
       if (allocated(error)) return
       call get_choice(group, 'arrangement', arrangement_choices, domain%arrangement, error, &
                       default='lattice')
       if (allocated(error)) return
-      if (domain%arrangement /= 'jittered') then
-        call refuse_keys(group, [character(len=6) :: 'jitter', 'seed'], &
-                         'arrangement = '''//domain%arrangement//'''', error)
-        if (allocated(error)) return
-      else
+      if (domain%arrangement == 'jittered') then
         call get(group, 'jitter', domain%jitter, error, default=0.2_wp, non_negative=.true.)
+      else
+        call refuse_keys(group, ['jitter'], 'arrangement = '''//domain%arrangement//'''', error)
+      end if
+      if (allocated(error)) return
+      if (domain%arrangement == 'lattice' .or. domain%arrangement == 'hexagonal') then
+        call refuse_keys(group, ['seed'], 'arrangement = '''//domain%arrangement//'''', error)
         if (allocated(error)) return
       end if
       call get(group, 'seed', domain%seed, error, default=1)
     end associate
   end subroutine read_domain
+
+  !> Whether a key of `geometry_keys` says something about a shape.
+  elemental function belongs(key, shape)
+    character(len=*), intent(in) :: key, shape
+    logical :: belongs
+
+    select case (key)
+    case ('x_range', 'y_range')
+      belongs = shape == 'rectangle'
+    case ('centre', 'radius')
+      belongs = shape == 'disc' .or. shape == 'annulus'
+    case ('inner_radius')
+      belongs = shape == 'annulus'
+    case ('vertices', 'hole_vertices')
+      belongs = shape == 'polygon'
+    case default
+      belongs = shape == 'cloud'
+    end select
+  end function belongs
+
+  !> Where the body is, checked.
+  subroutine read_geometry(group, domain, error)
+    type(group_t), intent(in) :: group
+    type(domain_t), intent(inout) :: domain
+    type(error_t), allocatable, intent(out) :: error
+    type(body_t) :: body
+    type(error_t), allocatable :: failure
+    character(len=:), allocatable :: key
+    real(wp), allocatable :: pair(:)
+
+    select case (domain%shape)
+    case ('rectangle')
+      call get(group, 'x_range', pair, error, count=2, increasing=.true.)
+      if (allocated(error)) return
+      domain%x_range = pair
+      call get(group, 'y_range', pair, error, count=2, increasing=.true.)
+      if (allocated(error)) return
+      domain%y_range = pair
+    case ('polygon')
+      call get(group, 'vertices', domain%vertices, error)
+      if (allocated(error)) return
+      if (group%has('hole_vertices')) then
+        call get(group, 'hole_vertices', domain%hole_vertices, error)
+      else
+        allocate (domain%hole_vertices(0))
+      end if
+    case default
+      call get(group, 'centre', pair, error, count=2, default=[0.0_wp, 0.0_wp])
+      if (allocated(error)) return
+      domain%centre = pair
+      call get(group, 'radius', domain%radius, error, positive=.true.)
+      if (allocated(error)) return
+      if (domain%shape == 'annulus') then
+        call get(group, 'inner_radius', domain%inner_radius, error, positive=.true.)
+      end if
+    end select
+    if (allocated(error)) return
+    call make_scene_body(domain, body, failure, key)
+    if (allocated(failure)) call raise_at(error, group, key, failure%message)
+  end subroutine read_geometry
 
   !> Keys that would change nothing are refused, so that nobody believes they did.
   subroutine refuse_keys(group, keys, setting, error)

@@ -86,7 +86,7 @@ module calor_simulation
     procedure :: certify
     !> Whether the scene gives the true temperature
     procedure :: knows_exact
-    !> ‖u - u_exact‖ / ‖u_exact‖ in the L2 norm over all particles, weighted by their volumes
+    !> ‖u - u_exact‖ / ‖u_exact‖ in the L2 norm over the body, by the particles' areas
     procedure :: relative_l2_error
     procedure, private :: assemble
     procedure, private :: start_temperature
@@ -279,8 +279,8 @@ contains
 
     allocate (exact(this%cloud%particles()))
     call this%exact%evaluate(this%cloud%x, this%cloud%y, this%time, values=exact)
-    norm = sqrt(sum(this%cloud%volume*exact**2))
-    deviation = sqrt(sum(this%cloud%volume*(this%temperature - exact)**2))
+    norm = sqrt(sum(this%cloud%area*exact**2))
+    deviation = sqrt(sum(this%cloud%area*(this%temperature - exact)**2))
     if (norm > 0) deviation = deviation/norm
   end function relative_l2_error
 

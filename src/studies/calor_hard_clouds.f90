@@ -74,11 +74,9 @@ contains
     twin = pack([(k, k=1, cloud%particles())], cloud%side == 0)
     twin = twin(1::one_of)
     cloud%volume(twin) = 0.5_wp*cloud%volume(twin)
+    cloud%area(twin) = 0.5_wp*cloud%area(twin)
     m = cloud%particles()
-    cloud%x = [cloud%x, cloud%x(twin)]
-    cloud%y = [cloud%y, cloud%y(twin)]
-    cloud%volume = [cloud%volume, cloud%volume(twin)]
-    cloud%side = [cloud%side, cloud%side(twin)]
+    call cloud%reorder([(int(k, ip), k=1, m), int(twin, ip)])
     do k = 1, size(twin)
       angle = 6.2831853_wp*random_uniform(seed, -int(k, i8))
       cloud%x(m + k) = cloud%x(m + k) + twin_distance/n*cos(angle)
@@ -101,10 +99,7 @@ contains
     kept = pack([(k, k=1, cloud%particles())], cloud%side /= 0 .or. &
                 (hypot(cloud%x - 0.31_wp, cloud%y - 0.37_wp) > void_radius/n .and. &
                  hypot(cloud%x - 0.68_wp, cloud%y - 0.66_wp) > void_radius/n))
-    cloud%x = cloud%x(kept)
-    cloud%y = cloud%y(kept)
-    cloud%volume = cloud%volume(kept)
-    cloud%side = cloud%side(kept)
+    call cloud%reorder(int(kept, ip))
     cloud%user_index = [(int(k, ip), k=1, cloud%particles())]
   end function holed_square
 
@@ -124,7 +119,9 @@ contains
     ratio = grading**(1.0_wp/(n - 1))
     do k = 1, cloud%particles()
       cloud%volume(k) = cloud%volume(k)*slope(cloud%x(k))*slope(cloud%y(k))
+      cloud%area(k) = cloud%area(k)*slope(cloud%x(k))*slope(cloud%y(k))
     end do
+    deallocate (cloud%wall_length)
     cloud%x = stretched(cloud%x)
     cloud%y = stretched(cloud%y)
 
