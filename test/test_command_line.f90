@@ -384,7 +384,6 @@ contains
         case_t('&boundary kind = ''insulated'' /', 2, 'line 7: &boundary kind = ''insulated'''), &
         case_t('&boundary value = 1 ambient = 1 /', 2, 'line 7: &boundary ambient|yet'), &
         case_t('&time end = 1 steady = .true. /', 2, 'line 8: &time steady|this version'), &
-        case_t('&source power = 1 /', 2, 'line 11: &source|this version|yet'), &
         case_t('&motion velocity_x = 1 /', 2, 'line 11: &motion|this version|yet'), &
         case_t('&accuracy estimate = .true. /', 2, 'line 11: &accuracy|this version|yet'), &
         case_t('&checkpoint file = ''a.h5'' /', 2, 'line 11: &checkpoint|this version|yet'), &

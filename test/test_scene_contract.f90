@@ -163,11 +163,9 @@ contains
   subroutine test_later_groups(error)
     type(error_type), allocatable, intent(out) :: error
 
-    call refuse('&time end = 1 /'//lf//'&source power = 1.0e6 /', 'a.nml, line 2: &source: '// &
+    call refuse('&time end = 1 /'//lf//'&motion velocity_x = 1.0 /', 'a.nml, line 2: &motion: '// &
                 'this group is part of the scene format, but this version of calor cannot '// &
-                'simulate heat sources yet; remove the group.', error)
-    if (allocated(error)) return
-    call refuse('&motion velocity_x_expression = ''-y'' /', 'cannot move the particles yet', error)
+                'move the particles yet; remove the group.', error)
     if (allocated(error)) return
     call refuse('&accuracy estimate = .true. /', 'cannot estimate its own error yet', error)
     if (allocated(error)) return
@@ -226,8 +224,8 @@ contains
     if (allocated(error)) return
     call check(error, index(help, 'spacing = ') == 0 .and. index(help, 'seed') == 0, help)
     if (allocated(error)) return
-    help = contract_help('source')
-    call check(error, index(help, 'heat source, W/m3 (not yet)') > 0, help)
+    help = contract_help('motion')
+    call check(error, index(help, 'velocity, m/s (not yet)') > 0, help)
     if (allocated(error)) return
     help = contract_help()
     call check(error, index(help, '&boundary') > 0 .and. index(help, '&cost') > 0, help)

@@ -73,7 +73,7 @@ module calor_scene_contract
       group_rule_t('material', one, now, 'what the body is made of'), &
       group_rule_t('initial', one, now, 'the temperature at the beginning'), &
       group_rule_t('boundary', many, now, 'what happens at a part of the boundary'), &
-      group_rule_t('source', many, later, 'simulate heat sources'), &
+      group_rule_t('source', many, now, 'heat set free within the body'), &
       group_rule_t('motion', one, later, 'move the particles'), &
       group_rule_t('time', one, now, 'how long and in which steps'), &
       group_rule_t('output', one, now, 'what is written, where and how often'), &
@@ -132,9 +132,9 @@ module calor_scene_contract
       key_rule_t('boundary', 'emissivity_expression', expression, later, '', 'the same'), &
       key_rule_t('boundary', 'ambient', number, later, '', 'temperature around the body, K'), &
       key_rule_t('boundary', 'ambient_expression', expression, later, '', 'the same'), &
-      key_rule_t('source', 'power', number, later, '', 'heat source, W/m3'), &
-      key_rule_t('source', 'power_expression', expression, later, '', 'the same'), &
-      key_rule_t('source', 'where_expression', expression, later, '', 'where it is not 0'), &
+      key_rule_t('source', 'power', number, now, '', 'heat set free, W/m3'), &
+      key_rule_t('source', 'power_expression', expression, now, '', 'the same'), &
+      key_rule_t('source', 'where_expression', expression, now, '', 'where it is not 0'), &
       key_rule_t('motion', 'velocity_x', number, later, '', 'velocity, m/s'), &
       key_rule_t('motion', 'velocity_x_expression', expression, later, '', 'the same'), &
       key_rule_t('motion', 'velocity_y', number, later, '', 'velocity, m/s'), &

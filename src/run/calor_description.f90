@@ -285,6 +285,15 @@ contains
       if (k > 1) text = text//','
       text = text//' '''//simulation%scene%boundaries(k)%on//''''
     end do
+    if (.not. allocated(simulation%conduction%effects)) then
+      text = text//'. Nothing else.'
+      return
+    end if
+    do k = 1, size(simulation%conduction%effects)
+      associate (effect => simulation%conduction%effects(k)%effect)
+        text = text//'; '//trim(effect%name)//' ('//effect%reason//')'
+      end associate
+    end do
     text = text//'. Nothing else.'
   end function effects
 

@@ -1,6 +1,7 @@
 !> A scene: everything that a scene file says, as values of the right types.
 module calor_scene
   use calor_kinds, only: wp
+  use calor_scene_file, only: scene_file_t
   use calor_taylor_weights, only: default_order
   use calor_text, only: text_t
   implicit none (type, external)
@@ -119,6 +120,8 @@ module calor_scene
     type(time_t) :: time
     type(output_t) :: output
     type(operators_t) :: operators
+    !> The groups as they stand in the scene: effects read theirs from here
+    type(scene_file_t) :: file
   end type scene_t
 
 end module calor_scene

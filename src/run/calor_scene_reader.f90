@@ -3,6 +3,8 @@ module calor_scene_reader
   use calor_arrangements, only: arrangement_choices
   use calor_body, only: body_t
   use calor_choice, only: choice_t
+  use calor_effect, only: effect_slot_t
+  use calor_effects, only: called_effects
   use calor_error, only: error_t
   use calor_expression, only: expression_t
   use calor_gradient_schemes, only: gradient_choices
@@ -86,11 +88,13 @@ contains
     type(scene_file_t), intent(in) :: file
     type(scene_t), intent(out) :: scene
     type(error_t), allocatable, intent(out) :: error
+    type(effect_slot_t), allocatable :: effects(:)
 
     call check_against_contract(file, error)
     if (allocated(error)) return
     scene%path = file%path
     scene%text = file%text
+    scene%file = file
     call read_header(file, scene, error)
     if (allocated(error)) return
     call read_domain(file, scene, error)
@@ -106,6 +110,9 @@ contains
     call read_output(file, scene, error)
     if (allocated(error)) return
     call read_operators(file, scene, error)
+    if (allocated(error)) return
+    ! Read here to find what is wrong with them; a simulation reads its own.
+    call called_effects(file, effects, error)
   end subroutine interpret_file
 
   subroutine read_header(file, scene, error)

@@ -2,25 +2,22 @@
 module calor_simulation
   use calor_cloud, only: cloud_t
   use calor_conduction, only: conduction_t
+  use calor_effect, only: effect_slot_t
   use calor_error, only: error_t, raise, status_bad_input, status_bad_numbers
   use calor_expression, only: expression_t, compile_expression
   use calor_integrators, only: make_integrator
   use calor_kernel, only: kernel_t
   use calor_kernels, only: make_kernel
-  use calor_kinds, only: wp, ip
-  use calor_laplacian_scheme, only: laplacian_scheme_t
-  use calor_laplacian_schemes, only: make_laplacian_scheme
-  use calor_neighbour_list, only: neighbour_list_t, build_neighbour_list
+  use calor_kinds, only: wp
   use calor_rightmost_eigenvalue, only: rightmost_t, find_rightmost
-  use calor_row_quality, only: measure_rows
   use calor_row_report, only: row_report_t
   use calor_scene, only: scene_t
-  use calor_scene_cloud, only: make_scene_cloud, require_neighbours
+  use calor_scene_cloud, only: make_scene_cloud
+  use calor_scene_evolution, only: make_scene_evolution, scene_method, scene_rows_t
   use calor_scene_values, only: field_values
-  use calor_scene_walls, only: hold_walls
   use calor_simulation_file, only: simulation_file_t, check_target
   use calor_spectral_radius, only: estimate_spectral_radius
-  use calor_stable_rows, only: assemble_stable_rows, row_repairs_t, as_written, inexact_stencil
+  use calor_stable_rows, only: row_repairs_t, inexact_stencil
   use calor_stepper, only: stepper_t
   use calor_stopwatch, only: stopwatch_t
   use calor_text, only: to_text
@@ -88,7 +85,6 @@ module calor_simulation
     procedure :: knows_exact
     !> ‖u - u_exact‖ / ‖u_exact‖ in the L2 norm over the body, by the particles' areas
     procedure :: relative_l2_error
-    procedure, private :: assemble
     procedure, private :: start_temperature
     procedure, private :: count_neighbours
     procedure, private :: choose_steps
@@ -117,13 +113,16 @@ module calor_simulation
 
 contains
 
-  subroutine prepare(this, scene, error)
+  subroutine prepare(this, scene, error, further)
     class(simulation_t), intent(out) :: this
     !> The scene
     type(scene_t), intent(in) :: scene
     !> The scene cannot be simulated
     type(error_t), allocatable, intent(out) :: error
+    !> Effects beside those that the scene calls for
+    type(effect_slot_t), intent(in), optional :: further(:)
     class(kernel_t), allocatable :: kernel
+    type(scene_rows_t) :: rows
 
     if (.not. scene%time%end > 0) then
       call raise(error, status_bad_input, &
@@ -146,12 +145,15 @@ contains
     call make_scene_cloud(scene, kernel, this%cloud, error)
     if (allocated(error)) return
     this%support_radius = scene%support*this%cloud%spacing
-    call hold_walls(scene, this%cloud, this%conduction%prescribed, error)
-    if (allocated(error)) return
     call this%start_temperature(error)
     if (allocated(error)) return
-    call this%assemble(kernel, error)
+    call make_scene_evolution(scene, this%cloud, scene_method(scene), this%temperature, &
+                              this%conduction, rows, error, this%stopwatch, further)
     if (allocated(error)) return
+    this%report = rows%report
+    this%repairs = rows%repairs
+    call move_alloc(rows%radius, this%radius)
+    call this%count_neighbours()
     call this%stopwatch%start('step control')
     call this%choose_steps(error)
     if (allocated(error)) return
@@ -284,7 +286,7 @@ contains
     if (norm > 0) deviation = deviation/norm
   end function relative_l2_error
 
-  !> The temperature at the start, walls included, and the true temperature if it is known.
+  !> The temperature at the start, but for held walls, and the true temperature if it is known.
   subroutine start_temperature(this, error)
     class(simulation_t), intent(inout) :: this
     type(error_t), allocatable, intent(out) :: error
@@ -303,51 +305,8 @@ contains
         call field_values(scene%exact_expression, scene%path//': &scene', cloud, exact, error)
         if (allocated(error)) return
       end if
-      call this%conduction%note_range(this%temperature)
-      this%conduction%x = cloud%x
-      this%conduction%y = cloud%y
-      this%conduction%user_index = cloud%user_index
-      call this%conduction%impose(0.0_wp, this%temperature)
     end associate
   end subroutine start_temperature
-
-  !> The Laplacian's rows at all particles that are not held.
-  subroutine assemble(this, kernel, error)
-    class(simulation_t), intent(inout) :: this
-    class(kernel_t), intent(in) :: kernel
-    type(error_t), allocatable, intent(out) :: error
-    class(laplacian_scheme_t), allocatable :: scheme
-    type(neighbour_list_t) :: list
-    integer(ip), allocatable :: free(:)
-    integer :: k
-
-    call make_laplacian_scheme(this%scene%laplacian, scheme, error, this%scene%order)
-    if (allocated(error)) return
-    free = pack([(int(k, ip), k=1, this%cloud%particles())], this%cloud%side == 0)
-    allocate (this%radius(this%cloud%particles()), source=this%support_radius)
-    associate (cloud => this%cloud, laplacian => this%conduction%laplacian)
-      if (this%scene%support_growth) then
-        call this%stopwatch%start('assembly')
-        call assemble_stable_rows(scheme, kernel, cloud%x, cloud%y, cloud%volume, this%radius, &
-                                  free, laplacian, this%report, this%repairs)
-      else
-        call this%stopwatch%start('neighbours')
-        call build_neighbour_list(cloud%x, cloud%y, this%radius(free), list, free)
-        call require_neighbours(this%scene, cloud, list, error)
-        if (allocated(error)) return
-        call this%stopwatch%start('assembly')
-        call scheme%assemble(kernel, cloud%x, cloud%y, cloud%volume, this%radius, list, laplacian, &
-                             this%report)
-        call measure_rows(laplacian, cloud%x, cloud%y, this%radius, scheme%exact_degree(), &
-                          this%repairs%quality)
-        allocate (this%repairs%repair(size(free)), source=as_written)
-      end if
-    end associate
-    call this%count_neighbours()
-    associate (material => this%scene%material)
-      this%conduction%diffusivity = material%conductivity/(material%density*material%heat_capacity)
-    end associate
-  end subroutine assemble
 
   !> Note how many neighbours the rows have.
   subroutine count_neighbours(this)
@@ -439,16 +398,20 @@ contains
     end if
   end subroutine certify
 
-  !> Find the rightmost eigenvalue; where no weight is negative there is none beyond zero.
+  !> Find the rightmost eigenvalue of conduction; where no weight is negative there is none beyond
+  !> zero. What effects let grow, as a reaction does, grows in truth: it is left out.
   subroutine find_growth(this)
     class(simulation_t), intent(inout) :: this
+    real(wp), allocatable :: slope(:)
 
+    call move_alloc(this%conduction%slope, slope)
     if (this%conduction%laplacian%gershgorin_right_end() > 0) then
       call find_rightmost(this%conduction, this%stepper%spectral_radius, this%rightmost)
     else
       this%rightmost%converged = .true.
       this%rightmost%method = 'no weight is negative'
     end if
+    call move_alloc(slope, this%conduction%slope)
     if (this%rightmost%growth_rate > 0) then
       this%conduction%suspicion = 'The scheme '//this%scene%laplacian// &
                                   ' is unstable on this cloud: before the run an eigenvalue '// &
@@ -507,8 +470,7 @@ contains
         stepper%longest_step = time%step
       else if (stepper%integrator%estimates_error()) then
         stepper%longest_step = this%stability_limit
-        scale = this%conduction%highest - this%conduction%lowest
-        if (.not. scale > 0) scale = max(abs(this%conduction%highest), 1.0_wp)
+        scale = this%conduction%temperature_scale()
         stepper%tolerance = default_tolerance*scale
         if (time%tolerance > 0) stepper%tolerance = time%tolerance*scale
         call stepper%propose_first(this%conduction, 0.0_wp, this%temperature)
