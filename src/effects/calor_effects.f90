@@ -1,6 +1,10 @@
 !> The table of effects, and those that a scene calls for.
 module calor_effects
   use calor_effect, only: effect_t, effect_slot_t
+  use calor_effect_convection, only: convection_t
+  use calor_effect_flux, only: flux_t
+  use calor_effect_insulated, only: insulated_t
+  use calor_effect_radiation, only: radiation_t
   use calor_effect_source, only: source_t
   use calor_error, only: error_t
   use calor_kinds, only: i8
@@ -22,6 +26,12 @@ contains
 
     allocate (table(0))
     call enter(table, source_t('source', 'heat set free within the body', 'source'))
+    call enter(table, flux_t('flux', 'a given heat flux', 'boundary', 'kind', 'flux'))
+    call enter(table, insulated_t('insulated', 'no heat passes', 'boundary', 'kind', 'insulated'))
+    call enter(table, convection_t('convection', 'heat exchanged with a fluid', 'boundary', &
+                                   'kind', 'convection'))
+    call enter(table, radiation_t('radiation', 'heat radiated and received', 'boundary', &
+                                  'kind', 'radiation'))
   end subroutine known_effects
 
   !> Add an effect to a list.

@@ -1,6 +1,7 @@
 !> A body as effects see it: its particles, what they consist of and where they touch the world.
 module calor_medium
   use calor_kinds, only: wp
+  use calor_wall_contacts, only: wall_contacts_t
   implicit none (type, external)
   private
 
@@ -16,6 +17,8 @@ module calor_medium
     real(wp) :: capacity = 1.0_wp, conductivity = 1.0_wp
     !> The time to simulate, s
     real(wp) :: duration = 0.0_wp
+    !> Where it touches the world
+    type(wall_contacts_t) :: contacts
   contains
     !> Number of particles
     procedure :: particles

@@ -123,15 +123,15 @@ module calor_scene_contract
       key_rule_t('boundary', 'kind', text, now, '''temperature''', 'what is given there'), &
       key_rule_t('boundary', 'value', number, now, '', 'temperature, K'), &
       key_rule_t('boundary', 'value_expression', expression, now, '', 'the same'), &
-      key_rule_t('boundary', 'where_expression', expression, later, '', 'where it is not 0'), &
-      key_rule_t('boundary', 'flux', number, later, '', 'heat flux into the body, W/m2'), &
-      key_rule_t('boundary', 'flux_expression', expression, later, '', 'the same'), &
-      key_rule_t('boundary', 'coefficient', number, later, '', 'heat transfer, W/(m2 K)'), &
-      key_rule_t('boundary', 'coefficient_expression', expression, later, '', 'the same'), &
-      key_rule_t('boundary', 'emissivity', number, later, '', 'emissivity, from 0 to 1'), &
-      key_rule_t('boundary', 'emissivity_expression', expression, later, '', 'the same'), &
-      key_rule_t('boundary', 'ambient', number, later, '', 'temperature around the body, K'), &
-      key_rule_t('boundary', 'ambient_expression', expression, later, '', 'the same'), &
+      key_rule_t('boundary', 'where_expression', expression, now, '', 'where it is not 0'), &
+      key_rule_t('boundary', 'flux', number, now, '', 'heat flux into the body, W/m2'), &
+      key_rule_t('boundary', 'flux_expression', expression, now, '', 'the same'), &
+      key_rule_t('boundary', 'coefficient', number, now, '', 'heat transfer, W/(m2 K)'), &
+      key_rule_t('boundary', 'coefficient_expression', expression, now, '', 'the same'), &
+      key_rule_t('boundary', 'emissivity', number, now, '', 'emissivity, from 0 to 1'), &
+      key_rule_t('boundary', 'emissivity_expression', expression, now, '', 'the same'), &
+      key_rule_t('boundary', 'ambient', number, now, '', 'temperature around the body, K'), &
+      key_rule_t('boundary', 'ambient_expression', expression, now, '', 'the same'), &
       key_rule_t('source', 'power', number, now, '', 'heat set free, W/m3'), &
       key_rule_t('source', 'power_expression', expression, now, '', 'the same'), &
       key_rule_t('source', 'where_expression', expression, now, '', 'where it is not 0'), &
@@ -163,8 +163,7 @@ module calor_scene_contract
       key_rule_t('cost', 'supports', numbers, later, '2.1', 'support radii in spacings')]
 
   type(value_rule_t), parameter :: value_rules(*) = [ &
-      value_rule_t('time', 'steady', '.false.', '.true.'), &
-      value_rule_t('boundary', 'kind', 'temperature', 'flux convection radiation insulated')]
+      value_rule_t('time', 'steady', '.false.', '.true.')]
 
   character(len=*), parameter :: companion = '_expression'
 

@@ -277,14 +277,17 @@ contains
 
   function effects(simulation) result(text)
     type(simulation_t), intent(in) :: simulation
-    character(len=:), allocatable :: text
+    character(len=:), allocatable :: text, names
     integer :: k
 
-    text = 'conduction; temperature held on'
+    text = 'conduction'
+    names = ''
     do k = 1, size(simulation%scene%boundaries)
-      if (k > 1) text = text//','
-      text = text//' '''//simulation%scene%boundaries(k)%on//''''
+      if (simulation%scene%boundaries(k)%kind /= 'temperature') cycle
+      if (names /= '') names = names//','
+      names = names//' '''//simulation%scene%boundaries(k)%on//''''
     end do
+    if (names /= '') text = text//'; temperature held on'//names
     if (.not. allocated(simulation%conduction%effects)) then
       text = text//'. Nothing else.'
       return

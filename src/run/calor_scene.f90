@@ -42,11 +42,13 @@ module calor_scene
   type :: boundary_t
     !> Name of the boundary, or 'all'
     character(len=:), allocatable :: on
-    !> 'temperature'
+    !> 'temperature', or the name of an effect that a wall calls for
     character(len=:), allocatable :: kind
     !> The temperature as a number, or as an expression of x, y and t where that is not empty
     real(wp) :: value = 0.0_wp
     character(len=:), allocatable :: value_expression
+    !> Where on the wall, as an expression of x and y; '': everywhere
+    character(len=:), allocatable :: where_expression
     !> Where the scene file says so
     character(len=:), allocatable :: place
   end type boundary_t

@@ -6,7 +6,7 @@ module calor_scene_evolution
   use calor_conduction, only: conduction_t
   use calor_effect, only: effect_slot_t
   use calor_effects, only: called_effects, enter
-  use calor_error, only: error_t
+  use calor_error, only: error_t, raise, status_bad_input
   use calor_kernel, only: kernel_t
   use calor_kernels, only: make_kernel
   use calor_kinds, only: wp, ip
@@ -18,9 +18,11 @@ module calor_scene_evolution
   use calor_row_report, only: row_report_t
   use calor_scene, only: scene_t
   use calor_scene_cloud, only: require_neighbours
-  use calor_scene_walls, only: hold_walls
+  use calor_scene_walls, only: find_contacts, hold_walls
   use calor_stable_rows, only: assemble_stable_rows, row_repairs_t, as_written
   use calor_stopwatch, only: stopwatch_t
+  use calor_wall_contacts, only: wall_contacts_t
+  use calor_wall_rows, only: assemble_wall_rows, wall_rows_t
   implicit none (type, external)
   private
 
@@ -84,7 +86,10 @@ contains
     type(medium_t) :: medium
     integer :: k
 
-    call hold_walls(scene, cloud, conduction%prescribed, error)
+    call describe_medium(scene, cloud, medium)
+    call find_contacts(scene, cloud, medium%contacts, error)
+    if (allocated(error)) return
+    call hold_walls(scene, cloud, medium%contacts, conduction%prescribed, error)
     if (allocated(error)) return
     conduction%x = cloud%x
     conduction%y = cloud%y
@@ -96,7 +101,7 @@ contains
     call conduction%impose(0.0_wp, temperature)
     call make_kernel(scene%kernel, kernel, error)
     if (allocated(error)) return
-    call assemble(scene, cloud, method, kernel, conduction, rows, error, stopwatch)
+    call assemble(scene, cloud, method, kernel, conduction, medium%contacts, rows, error, stopwatch)
     if (allocated(error)) return
 
     call called_effects(scene%file, effects, error)
@@ -107,7 +112,6 @@ contains
       end do
     end if
     if (.not. allocated(effects)) return
-    call describe_medium(scene, cloud, medium)
     call conduction%put_in_force(effects, medium, temperature, error)
   end subroutine make_scene_evolution
 
@@ -126,12 +130,14 @@ contains
   end subroutine describe_medium
 
   !> The Laplacian's rows at all particles that are not held.
-  subroutine assemble(scene, cloud, method, kernel, conduction, rows, error, stopwatch)
+  subroutine assemble(scene, cloud, method, kernel, conduction, contacts, rows, error, stopwatch)
     type(scene_t), intent(in) :: scene
     type(cloud_t), intent(in) :: cloud
     type(method_t), intent(in) :: method
     class(kernel_t), intent(in) :: kernel
     type(conduction_t), intent(inout) :: conduction
+    !> Where the body touches the world; the weights of what passes there are set
+    type(wall_contacts_t), intent(inout) :: contacts
     type(scene_rows_t), intent(inout) :: rows
     type(error_t), allocatable, intent(out) :: error
     type(stopwatch_t), intent(inout), optional :: stopwatch
@@ -162,6 +168,60 @@ contains
         allocate (rows%repairs%repair(size(free)), source=as_written)
       end if
     end associate
+    call add_wall_rows(cloud, scheme, kernel, scene%path, conduction, contacts, rows, error)
   end subroutine assemble
+
+  !> Rows at particles on walls that are not held, after those of particles inside.
+  subroutine add_wall_rows(cloud, scheme, kernel, path, conduction, contacts, rows, error)
+    type(cloud_t), intent(in) :: cloud
+    class(laplacian_scheme_t), intent(in) :: scheme
+    class(kernel_t), intent(in) :: kernel
+    !> The scene
+    character(len=*), intent(in) :: path
+    type(conduction_t), intent(inout) :: conduction
+    type(wall_contacts_t), intent(inout) :: contacts
+    type(scene_rows_t), intent(inout) :: rows
+    type(error_t), allocatable, intent(out) :: error
+    type(wall_rows_t) :: walls
+    real(wp), allocatable :: open(:)
+    integer, allocatable :: chosen(:), first(:)
+    integer(ip), allocatable :: particles(:)
+    integer :: k
+
+    allocate (open(cloud%particles()), source=1.0_wp)
+    call conduction%clear_prescribed(open)
+    chosen = pack([(k, k=1, size(contacts%particle))], open(contacts%particle) > 0.5_wp)
+    if (size(chosen) == 0) return
+    if (.not. allocated(contacts%normal)) then
+      call raise(error, status_bad_input, path//': the walls of a cloud from a file have no '// &
+                 'normals, so only temperatures can be given there: take kind = ''temperature'' '// &
+                 'in every &boundary.')
+      return
+    end if
+    ! The contacts of a particle stand together.
+    first = pack([(k, k=1, size(chosen))], [.true., contacts%particle(chosen(2:)) /= &
+                                            contacts%particle(chosen(:size(chosen) - 1))])
+    particles = contacts%particle(chosen(first))
+    first = [first, size(chosen) + 1]
+    call assemble_wall_rows(wall_degree(scheme), scheme%rule(), kernel, cloud%x, cloud%y, &
+                            cloud%volume, rows%radius, particles, first, &
+                            contacts%normal(:, chosen), walls)
+    contacts%weight(chosen) = walls%slope_weight
+    call conduction%laplacian%append(walls%laplacian)
+    rows%repairs%repair = [rows%repairs%repair, walls%repair]
+    call rows%repairs%quality%append(walls%quality)
+    call rows%report%append(walls%report)
+  end subroutine add_wall_rows
+
+  !> The degree of polynomials that rows at walls reproduce. A row there counts for a wall only, not
+  !> for an area, so that what it misses enters the solution with one power of the spacing more
+  !> than what rows inside miss: degree p is enough for order p.
+  pure function wall_degree(scheme) result(degree)
+    class(laplacian_scheme_t), intent(in) :: scheme
+    integer :: degree
+
+    degree = max(2, scheme%exact_degree() - 1)
+    if (scheme%exact_degree() <= 2) degree = 2
+  end function wall_degree
 
 end module calor_scene_evolution

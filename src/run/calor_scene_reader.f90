@@ -27,7 +27,11 @@ module calor_scene_reader
 
   !> Kinds of boundary condition
   type(choice_t), parameter :: boundary_choices(*) = [ &
-      choice_t('temperature', 'held at a temperature') &
+      choice_t('temperature', 'held at a temperature'), &
+      choice_t('flux', 'given a heat flux into the body'), &
+      choice_t('insulated', 'no heat passes'), &
+      choice_t('convection', 'heat flux in proportion to the temperature difference'), &
+      choice_t('radiation', 'heat radiated to and from its surroundings') &
       ]
 
   !> Fields that a run can write
@@ -46,6 +50,11 @@ module calor_scene_reader
   !> Keys of &domain that say where the body is
   character(len=*), parameter :: geometry_keys(*) = [character(len=13) :: 'x_range', 'y_range', &
       'centre', 'radius', 'inner_radius', 'vertices', 'hole_vertices', 'file']
+
+  !> Keys of &boundary that say what passes through a wall
+  character(len=*), parameter :: exchange_keys(*) = [character(len=22) :: 'flux', &
+      'flux_expression', 'coefficient', 'coefficient_expression', 'emissivity', &
+      'emissivity_expression', 'ambient', 'ambient_expression']
 
   !> A kernel that smooths over more spacings is a slip of the pen
   real(wp), parameter :: widest_support = 100.0_wp
@@ -325,6 +334,13 @@ contains
         call get_choice(group, 'kind', boundary_choices, boundary%kind, error, &
                         default='temperature')
         if (allocated(error)) return
+        call optional_expression(group, 'where_expression', boundary%where_expression, error, &
+                                 in_space=.true.)
+        if (allocated(error)) return
+        boundary%value_expression = ''
+        if (boundary%kind /= 'temperature') cycle
+        call refuse_keys(group, exchange_keys, 'kind = ''temperature''', error)
+        if (allocated(error)) return
         call optional_expression(group, 'value_expression', boundary%value_expression, error)
         if (allocated(error)) return
         if (boundary%value_expression == '') call get(group, 'value', boundary%value, error)
@@ -422,14 +438,24 @@ contains
   end subroutine read_operators
 
   !> An expression, checked; '' if the group lacks it.
-  subroutine optional_expression(group, key, text, error)
+  subroutine optional_expression(group, key, text, error, in_space)
     type(group_t), intent(in) :: group
     character(len=*), intent(in) :: key
     character(len=:), allocatable, intent(out) :: text
     type(error_t), allocatable, intent(out) :: error
+    !> Whether it may depend on x and y only
+    logical, intent(in), optional :: in_space
+    type(expression_t) :: expression
 
     text = ''
-    if (group%has(key)) call required_expression(group, key, text, error)
+    if (.not. group%has(key)) return
+    call required_expression(group, key, text, error)
+    if (allocated(error) .or. .not. present(in_space)) return
+    call get_expression(group, key, expression, error)
+    if (allocated(error) .or. .not. in_space) return
+    if (expression%uses('t') .or. expression%uses('T')) then
+      call raise_at(error, group, key, 'it may depend on x and y only.')
+    end if
   end subroutine optional_expression
 
   subroutine required_expression(group, key, text, error)

@@ -30,6 +30,8 @@ module calor_simulation
   real(wp), parameter :: safe_part = 0.9_wp
   !> What would take more steps of forward Euler is out of reach of every method
   real(wp), parameter :: most_euler_steps = 1.0e15_wp
+  !> An eigenvalue as small as this, as a part of the spectral radius, is 0
+  real(wp), parameter :: rounding = 1.0e-11_wp
   !> Error of one step, as a part of the range of given temperatures, where the scene gives none
   real(wp), parameter :: default_tolerance = 1.0e-6_wp
 
@@ -412,6 +414,10 @@ contains
       this%rightmost%method = 'no weight is negative'
     end if
     call move_alloc(slope, this%conduction%slope)
+    ! Where no wall is held, a uniform temperature stays: an eigenvalue 0, found with rounding.
+    associate (rate => this%rightmost%growth_rate)
+      if (rate > 0 .and. rate <= rounding*this%stepper%spectral_radius) rate = 0
+    end associate
     if (this%rightmost%growth_rate > 0) then
       this%conduction%suspicion = 'The scheme '//this%scene%laplacian// &
                                   ' is unstable on this cloud: before the run an eigenvalue '// &
