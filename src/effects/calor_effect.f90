@@ -41,8 +41,10 @@ module calor_effect
     procedure :: expected_rise
     !> The range in which it keeps the temperature of a body that lies within it
     procedure :: kept_range
-    !> The entry of the heat budget that its power counts to
+    !> The entry of the heat budget that its power counts to; '' where it counts to walls
     procedure :: account
+    !> Lay down what flux it brings at each contact with the world
+    procedure :: put_flux
   end type effect_t
 
   !> A place for any effect
@@ -140,6 +142,15 @@ contains
     lowest = huge(1.0_wp)
     highest = -huge(1.0_wp)
   end subroutine kept_range
+
+  subroutine put_flux(this, flux)
+    class(effect_t), intent(in) :: this
+    !> Heat flux into the body at all contacts, W/m²
+    real(wp), intent(inout) :: flux(:)
+
+    associate (unused => this, also => flux)
+    end associate
+  end subroutine put_flux
 
   pure function account(this) result(name)
     class(effect_t), intent(in) :: this

@@ -17,6 +17,9 @@ module calor_wall_contacts
     real(wp), allocatable :: normal(:, :)
     !> Length of wall that the contact stands for, m; not allocated where walls have none
     real(wp), allocatable :: length(:)
+    !> Whether the condition there holds the temperature, and whether the particle is held: at a
+    !> corner another condition may do that
+    logical, allocatable :: holding(:), held(:)
     !> ∂(∇²u)/∂(∂u/∂n) in the particle's row, 1/m; 0 before the rows were assembled
     real(wp), allocatable :: weight(:)
   end type wall_contacts_t

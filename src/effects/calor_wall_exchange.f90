@@ -17,8 +17,7 @@ module calor_wall_exchange
   type, abstract, extends(effect_t) :: wall_exchange_t
     !> Its number among the groups &boundary
     integer :: condition = 0
-    !> The contacts that it holds at (see wall_contacts_t), and their particles. A corner that
-    !> another wall holds at a temperature is no longer among them.
+    !> The contacts that it holds at (see wall_contacts_t), and their particles
     integer, allocatable :: contact(:)
     integer(ip), allocatable :: particle(:)
     !> Coordinates of these, m
@@ -40,6 +39,8 @@ module calor_wall_exchange
     procedure :: prepare
     procedure :: add_power
     procedure :: add_slope
+    procedure :: account
+    procedure :: put_flux
   end type wall_exchange_t
 
   abstract interface
@@ -115,7 +116,7 @@ contains
 
     associate (contacts => medium%contacts)
       this%contact = pack([(k, k=1, size(contacts%particle))], &
-                          contacts%condition == this%condition .and. contacts%weight > 0)
+                          contacts%condition == this%condition)
       this%particle = contacts%particle(this%contact)
       this%weight = contacts%weight(this%contact)
     end associate
@@ -166,6 +167,22 @@ contains
       slope(this%particle(k)) = slope(this%particle(k)) + this%weight(k)*found(k)
     end do
   end subroutine add_slope
+
+  pure function account(this) result(name)
+    class(wall_exchange_t), intent(in) :: this
+    character(len=:), allocatable :: name
+
+    associate (unused => this)
+    end associate
+    name = ''
+  end function account
+
+  subroutine put_flux(this, flux)
+    class(wall_exchange_t), intent(in) :: this
+    real(wp), intent(inout) :: flux(:)
+
+    flux(this%contact) = this%flux
+  end subroutine put_flux
 
   subroutine find_flux_slope(this, time, slope)
     class(wall_exchange_t), intent(inout) :: this

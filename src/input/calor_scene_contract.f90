@@ -162,8 +162,7 @@ module calor_scene_contract
       key_rule_t('cost', 'laplacians', texts, later, '''all''', 'Laplacian schemes'), &
       key_rule_t('cost', 'supports', numbers, later, '2.1', 'support radii in spacings')]
 
-  type(value_rule_t), parameter :: value_rules(*) = [ &
-      value_rule_t('time', 'steady', '.false.', '.true.')]
+  type(value_rule_t), parameter :: value_rules(*) = [value_rule_t ::]
 
   character(len=*), parameter :: companion = '_expression'
 

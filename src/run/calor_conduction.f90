@@ -6,6 +6,7 @@ module calor_conduction
   use calor_effect, only: effect_slot_t
   use calor_error, only: error_t, raise, status_bad_numbers
   use calor_evolution, only: evolution_t
+  use calor_expression, only: expression_t
   use calor_kinds, only: wp
   use calor_medium, only: medium_t
   use calor_prescribed, only: prescribed_t
@@ -34,10 +35,12 @@ module calor_conduction
     !> Coordinates, m, and user's number of each particle, for messages
     real(wp), allocatable :: x(:), y(:)
     integer, allocatable :: user_index(:)
-    !> The effects in force beside conduction, and the particles as they see them; not allocated
-    !> where there are none
+    !> The particles, what they consist of and where they touch the world
+    type(medium_t) :: medium
+    !> ∇² without the parts of normal derivatives at held particles, which the heat budget needs
+    type(sparse_operator_t) :: held_rows
+    !> The effects in force beside conduction; not allocated where there are none
     type(effect_slot_t), allocatable :: effects(:)
-    type(medium_t), allocatable :: medium
     !> The power of all effects at each particle, W/m³; allocated where there are effects
     real(wp), allocatable :: power(:)
     !> The derivative of their power over ρc, 1/s, at the temperatures of the last `linearise`;
@@ -69,6 +72,8 @@ module calor_conduction
     procedure :: linearise
     !> The measure of temperatures: the range of those given, or what effects may bring about, K
     procedure :: temperature_scale
+    !> Put the rates of held temperatures into a rate
+    procedure :: add_held_rates
     procedure, private :: add_effects
     procedure, private :: allowed_range
   end type conduction_t
@@ -103,6 +108,34 @@ contains
     call this%clear_prescribed(product)
   end subroutine jacobian_product
 
+  !> By a difference: expressions have no other derivative.
+  subroutine add_held_rates(this, time, rate)
+    class(conduction_t), intent(in) :: this
+    !> Time, s
+    real(wp), intent(in) :: time
+    !> Rates of all particles, K/s; those of held ones are set
+    real(wp), intent(inout) :: rate(:)
+    type(expression_t) :: expression
+    real(wp), allocatable :: before(:), after(:)
+    real(wp) :: step
+    integer :: k
+
+    do k = 1, size(this%prescribed)
+      associate (held => this%prescribed(k))
+        rate(held%particle) = 0
+        if (.not. allocated(held%expression)) cycle
+        step = 1.0e-5_wp*this%medium%duration
+        if (.not. step > 0) step = 1.0e-5_wp
+        expression = held%expression
+        allocate (before(size(held%particle)), after(size(held%particle)))
+        call expression%evaluate(held%x, held%y, max(0.0_wp, time - step), values=before)
+        call expression%evaluate(held%x, held%y, time + step, values=after)
+        rate(held%particle) = (after - before)/(time + step - max(0.0_wp, time - step))
+        deallocate (before, after)
+      end associate
+    end do
+  end subroutine add_held_rates
+
   !> Add to rates what the effects bring.
   subroutine add_effects(this, time, u, du)
     class(conduction_t), intent(inout) :: this
@@ -126,12 +159,10 @@ contains
     !$omp end parallel do
   end subroutine add_effects
 
-  subroutine put_in_force(this, effects, medium, temperature, error)
+  subroutine put_in_force(this, effects, temperature, error)
     class(conduction_t), intent(inout) :: this
     !> What the scene calls for; moved. Not allocated: nothing
     type(effect_slot_t), allocatable, intent(inout) :: effects(:)
-    !> The particles
-    type(medium_t), intent(in) :: medium
     !> Their temperatures at the start
     real(wp), intent(in) :: temperature(:)
     !> What the scene asks for cannot be had
@@ -140,13 +171,12 @@ contains
 
     if (.not. allocated(effects)) return
     call move_alloc(effects, this%effects)
-    this%medium = medium
-    allocate (this%power(medium%particles()), source=0.0_wp)
+    allocate (this%power(size(temperature)), source=0.0_wp)
     do k = 1, size(this%effects)
-      call this%effects(k)%effect%prepare(medium, temperature, error)
+      call this%effects(k)%effect%prepare(this%medium, temperature, error)
       if (allocated(error)) return
       if (this%effects(k)%effect%has_slope() .and. .not. allocated(this%slope)) then
-        allocate (this%slope(medium%particles()))
+        allocate (this%slope(size(temperature)))
       end if
     end do
     call this%linearise(0.0_wp, temperature)

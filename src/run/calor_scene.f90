@@ -63,6 +63,8 @@ module calor_scene
     character(len=:), allocatable :: method
     !> Error that one step may make, as a fraction of the range of given temperatures; 0: not given
     real(wp) :: tolerance = 0.0_wp
+    !> Whether only the steady temperature is asked for
+    logical :: steady = .false.
     !> Where the scene file says so
     character(len=:), allocatable :: place
   end type time_t

@@ -21,7 +21,6 @@ module calor_scene_evolution
   use calor_scene_walls, only: find_contacts, hold_walls
   use calor_stable_rows, only: assemble_stable_rows, row_repairs_t, as_written
   use calor_stopwatch, only: stopwatch_t
-  use calor_wall_contacts, only: wall_contacts_t
   use calor_wall_rows, only: assemble_wall_rows, wall_rows_t
   implicit none (type, external)
   private
@@ -83,13 +82,12 @@ contains
     type(effect_slot_t), intent(in), optional :: further(:)
     class(kernel_t), allocatable :: kernel
     type(effect_slot_t), allocatable :: effects(:)
-    type(medium_t) :: medium
     integer :: k
 
-    call describe_medium(scene, cloud, medium)
-    call find_contacts(scene, cloud, medium%contacts, error)
+    call describe_medium(scene, cloud, conduction%medium)
+    call find_contacts(scene, cloud, conduction%medium%contacts, error)
     if (allocated(error)) return
-    call hold_walls(scene, cloud, medium%contacts, conduction%prescribed, error)
+    call hold_walls(scene, cloud, conduction%medium%contacts, conduction%prescribed, error)
     if (allocated(error)) return
     conduction%x = cloud%x
     conduction%y = cloud%y
@@ -101,7 +99,7 @@ contains
     call conduction%impose(0.0_wp, temperature)
     call make_kernel(scene%kernel, kernel, error)
     if (allocated(error)) return
-    call assemble(scene, cloud, method, kernel, conduction, medium%contacts, rows, error, stopwatch)
+    call assemble(scene, cloud, method, kernel, conduction, rows, error, stopwatch)
     if (allocated(error)) return
 
     call called_effects(scene%file, effects, error)
@@ -112,7 +110,7 @@ contains
       end do
     end if
     if (.not. allocated(effects)) return
-    call conduction%put_in_force(effects, medium, temperature, error)
+    call conduction%put_in_force(effects, temperature, error)
   end subroutine make_scene_evolution
 
   !> What effects get to see.
@@ -130,14 +128,12 @@ contains
   end subroutine describe_medium
 
   !> The Laplacian's rows at all particles that are not held.
-  subroutine assemble(scene, cloud, method, kernel, conduction, contacts, rows, error, stopwatch)
+  subroutine assemble(scene, cloud, method, kernel, conduction, rows, error, stopwatch)
     type(scene_t), intent(in) :: scene
     type(cloud_t), intent(in) :: cloud
     type(method_t), intent(in) :: method
     class(kernel_t), intent(in) :: kernel
     type(conduction_t), intent(inout) :: conduction
-    !> Where the body touches the world; the weights of what passes there are set
-    type(wall_contacts_t), intent(inout) :: contacts
     type(scene_rows_t), intent(inout) :: rows
     type(error_t), allocatable, intent(out) :: error
     type(stopwatch_t), intent(inout), optional :: stopwatch
@@ -168,50 +164,70 @@ contains
         allocate (rows%repairs%repair(size(free)), source=as_written)
       end if
     end associate
-    call add_wall_rows(cloud, scheme, kernel, scene%path, conduction, contacts, rows, error)
+    call add_wall_rows(scheme)
+
+  contains
+
+    !> Rows at particles on walls: those that are not held come after those of particles inside;
+    !> those that are held serve the heat budget only.
+    subroutine add_wall_rows(scheme)
+      class(laplacian_scheme_t), intent(in) :: scheme
+      type(wall_rows_t) :: walls
+      real(wp), allocatable :: open(:), aside(:)
+      integer :: j
+
+      associate (contacts => conduction%medium%contacts)
+        allocate (open(cloud%particles()), source=1.0_wp)
+        call conduction%clear_prescribed(open)
+        contacts%held = open(contacts%particle) < 0.5_wp
+        if (.not. allocated(contacts%normal)) then
+          if (all(contacts%held)) return
+          call raise(error, status_bad_input, scene%path//': the walls of a cloud from a file '// &
+                     'have no normals, so only temperatures can be given there: take kind = '// &
+                     '''temperature'' in every &boundary.')
+          return
+        end if
+        aside = rows%radius
+        call rows_at(pack([(j, j=1, size(contacts%held))], contacts%held), scheme, aside, walls)
+        conduction%held_rows = walls%laplacian
+        call rows_at(pack([(j, j=1, size(contacts%held))], .not. contacts%held), scheme, &
+                     rows%radius, walls)
+        if (walls%laplacian%rows() == 0) return
+        call conduction%laplacian%append(walls%laplacian)
+        rows%repairs%repair = [rows%repairs%repair, walls%repair]
+        call rows%repairs%quality%append(walls%quality)
+        call rows%report%append(walls%report)
+      end associate
+    end subroutine add_wall_rows
+
+    !> Rows at the particles of some contacts, whose weights are set.
+    subroutine rows_at(chosen, scheme, radius, walls)
+      integer, intent(in) :: chosen(:)
+      class(laplacian_scheme_t), intent(in) :: scheme
+      real(wp), intent(inout) :: radius(:)
+      type(wall_rows_t), intent(out) :: walls
+      integer, allocatable :: first(:)
+      integer(ip), allocatable :: particles(:)
+      logical, allocatable :: begins(:)
+      integer :: j
+
+      associate (contacts => conduction%medium%contacts)
+        ! The contacts of a particle stand together.
+        allocate (begins(size(chosen)), source=.true.)
+        do j = 2, size(chosen)
+          begins(j) = contacts%particle(chosen(j)) /= contacts%particle(chosen(j - 1))
+        end do
+        first = pack([(j, j=1, size(chosen))], begins)
+        particles = contacts%particle(chosen(first))
+        first = [first, size(chosen) + 1]
+        call assemble_wall_rows(wall_degree(scheme), scheme%rule(), kernel, cloud%x, cloud%y, &
+                                cloud%volume, radius, particles, first, &
+                                contacts%normal(:, chosen), walls)
+        contacts%weight(chosen) = walls%slope_weight
+      end associate
+    end subroutine rows_at
+
   end subroutine assemble
-
-  !> Rows at particles on walls that are not held, after those of particles inside.
-  subroutine add_wall_rows(cloud, scheme, kernel, path, conduction, contacts, rows, error)
-    type(cloud_t), intent(in) :: cloud
-    class(laplacian_scheme_t), intent(in) :: scheme
-    class(kernel_t), intent(in) :: kernel
-    !> The scene
-    character(len=*), intent(in) :: path
-    type(conduction_t), intent(inout) :: conduction
-    type(wall_contacts_t), intent(inout) :: contacts
-    type(scene_rows_t), intent(inout) :: rows
-    type(error_t), allocatable, intent(out) :: error
-    type(wall_rows_t) :: walls
-    real(wp), allocatable :: open(:)
-    integer, allocatable :: chosen(:), first(:)
-    integer(ip), allocatable :: particles(:)
-    integer :: k
-
-    allocate (open(cloud%particles()), source=1.0_wp)
-    call conduction%clear_prescribed(open)
-    chosen = pack([(k, k=1, size(contacts%particle))], open(contacts%particle) > 0.5_wp)
-    if (size(chosen) == 0) return
-    if (.not. allocated(contacts%normal)) then
-      call raise(error, status_bad_input, path//': the walls of a cloud from a file have no '// &
-                 'normals, so only temperatures can be given there: take kind = ''temperature'' '// &
-                 'in every &boundary.')
-      return
-    end if
-    ! The contacts of a particle stand together.
-    first = pack([(k, k=1, size(chosen))], [.true., contacts%particle(chosen(2:)) /= &
-                                            contacts%particle(chosen(:size(chosen) - 1))])
-    particles = contacts%particle(chosen(first))
-    first = [first, size(chosen) + 1]
-    call assemble_wall_rows(wall_degree(scheme), scheme%rule(), kernel, cloud%x, cloud%y, &
-                            cloud%volume, rows%radius, particles, first, &
-                            contacts%normal(:, chosen), walls)
-    contacts%weight(chosen) = walls%slope_weight
-    call conduction%laplacian%append(walls%laplacian)
-    rows%repairs%repair = [rows%repairs%repair, walls%repair]
-    call rows%repairs%quality%append(walls%quality)
-    call rows%report%append(walls%report)
-  end subroutine add_wall_rows
 
   !> The degree of polynomials that rows at walls reproduce. A row there counts for a wall only, not
   !> for an area, so that what it misses enters the solution with one power of the spacing more

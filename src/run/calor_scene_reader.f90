@@ -361,6 +361,18 @@ contains
       time%place = place_of(group, '')
       ! A scene for `calor operators` needs no time; a run without it is refused later.
       if (file%count('time') == 0) return
+      call get(group, 'steady', time%steady, error, default=.false.)
+      if (allocated(error)) return
+      if (time%steady) then
+        time%place = place_of(group, 'steady')
+        call refuse_keys(group, [character(len=6) :: 'end', 'step', 'method'], &
+                         'steady = .true.', error)
+        if (allocated(error)) return
+        if (group%has('tolerance')) then
+          call get(group, 'tolerance', time%tolerance, error, positive=.true.)
+        end if
+        return
+      end if
       call get(group, 'end', time%end, error, positive=.true.)
       if (allocated(error)) return
       call get_choice(group, 'method', integrator_choices, time%method, error, default='auto')
@@ -392,6 +404,10 @@ contains
       if (file%count('output') == 0) return
       call get(group, 'file', output%file, error, not_blank=.true.)
       if (allocated(error)) return
+      if (scene%time%steady) then
+        call refuse_keys(group, ['every'], '&time steady = .true.', error)
+        if (allocated(error)) return
+      end if
       if (group%has('every')) call get(group, 'every', output%every, error, positive=.true.)
       if (allocated(error)) return
       call get_choices(group, 'fields', field_choices, output%fields, error, &

@@ -51,6 +51,7 @@ contains
     end do
     call check_walls(scene%path, cloud, contacts, error)
     if (allocated(error)) return
+    contacts%holding = [(holds(scene%boundaries(contacts%condition(k))), k=1, number)]
     if (allocated(cloud%normal_x)) call orient(cloud, contacts)
   end subroutine find_contacts
 
@@ -128,8 +129,9 @@ contains
       if (cloud%boundary(bit + 1)%value == boundary%on) meant = contacts%side == bit
     end do
     if (.not. any(meant)) then
-      call raise(error, status_bad_input, boundary%place//': the domain has no boundary called '''// &
-                 boundary%on//'''. There are: '//names//'.')
+      call raise(error, status_bad_input, boundary%place// &
+                 ': the domain has no boundary called '''//boundary%on//'''. There are: '// &
+                 names//'.')
       return
     end if
     if (boundary%where_expression /= '') then

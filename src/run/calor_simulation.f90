@@ -5,6 +5,7 @@ module calor_simulation
   use calor_effect, only: effect_slot_t
   use calor_error, only: error_t, raise, status_bad_input, status_bad_numbers
   use calor_expression, only: expression_t, compile_expression
+  use calor_heat_budget, only: heat_budget_t, budget_entry_t
   use calor_integrators, only: make_integrator
   use calor_kernel, only: kernel_t
   use calor_kernels, only: make_kernel
@@ -18,9 +19,10 @@ module calor_simulation
   use calor_simulation_file, only: simulation_file_t, check_target
   use calor_spectral_radius, only: estimate_spectral_radius
   use calor_stable_rows, only: row_repairs_t, inexact_stencil
+  use calor_steady_state, only: find_steady_state
   use calor_stepper, only: stepper_t
   use calor_stopwatch, only: stopwatch_t
-  use calor_text, only: to_text
+  use calor_text, only: text_t, append_text, to_text
   implicit none (type, external)
   private
 
@@ -60,6 +62,8 @@ module calor_simulation
     type(stepper_t) :: stepper
     !> The longest step for which the chosen method is stable, s
     real(wp) :: stability_limit = 0.0_wp
+    !> Newton steps that the steady temperature took
+    integer :: newton_steps = 0
     !> About how many steps a run will take; 0: not predicted
     real(wp) :: predicted_steps = 0.0_wp
     !> The longest step after which no temperature can lie outside the range of those before, s; 0:
@@ -72,11 +76,16 @@ module calor_simulation
     type(stopwatch_t) :: stopwatch
     !> The true temperature, where the scene gives it
     type(expression_t) :: exact
+    !> How the heat budget is made up, and that of each state written
+    type(heat_budget_t) :: budget
+    type(budget_entry_t), allocatable :: entries(:)
   contains
     !> Make everything ready for the first step
     procedure :: prepare
     !> Step to the end and write what the scene asks for
     procedure :: run
+    !> Find the steady temperature
+    procedure :: settle
     !> Step to a time
     procedure :: advance_to
     !> Find out about how many steps a run will take, from its first ones
@@ -88,6 +97,9 @@ module calor_simulation
     !> ‖u - u_exact‖ / ‖u_exact‖ in the L2 norm over the body, by the particles' areas
     procedure :: relative_l2_error
     procedure, private :: start_temperature
+    procedure, private :: note_budget
+    !> What is in force, and why
+    procedure :: effects_in_force
     procedure, private :: count_neighbours
     procedure, private :: choose_steps
     procedure, private :: find_growth
@@ -126,7 +138,7 @@ contains
     class(kernel_t), allocatable :: kernel
     type(scene_rows_t) :: rows
 
-    if (.not. scene%time%end > 0) then
+    if (.not. (scene%time%end > 0 .or. scene%time%steady)) then
       call raise(error, status_bad_input, &
                  scene%path//' has no group &time: add &time end = ... /, '// &
                  'in seconds.')
@@ -135,7 +147,7 @@ contains
     this%scene = scene
     call check_target(scene%output%file, scene%output%place, scene, error)
     if (allocated(error)) return
-    if (scene%output%every*huge(1) < scene%time%end .and. scene%output%every > 0) then
+    if (.not. scene%time%steady .and. scene%output%every*huge(1) < scene%time%end .and. scene%output%every > 0) then
       call raise(error, status_bad_input, scene%output%place//': every = '// &
                  to_text(scene%output%every)//' s asks for more states than can be counted: '// &
                  'raise it.')
@@ -156,6 +168,12 @@ contains
     this%repairs = rows%repairs
     call move_alloc(rows%radius, this%radius)
     call this%count_neighbours()
+    call this%budget%prepare(this%cloud, this%conduction)
+    allocate (this%entries(0))
+    if (scene%time%steady) then
+      call this%stopwatch%stop()
+      return
+    end if
     call this%stopwatch%start('step control')
     call this%choose_steps(error)
     if (allocated(error)) return
@@ -177,10 +195,11 @@ contains
 
     call this%certify(error)
     if (allocated(error)) return
-    call file%open(this%scene, this%cloud, error)
+    call file%open(this%scene, this%cloud, this%effects_in_force(), error)
     if (allocated(error)) return
     call this%write_row_fields(file)
     states = 1
+    if (this%scene%time%steady) states = 0
     if (this%scene%output%every > 0) then
       states = max(1, ceiling(this%scene%time%end/this%scene%output%every*(1 - 1.0e-12_wp)))
     end if
@@ -189,15 +208,24 @@ contains
         next = this%scene%time%end
         if (written < states) next = written*this%scene%output%every
         call this%advance_to(next, error)
+      else if (this%scene%time%steady) then
+        call this%settle(error)
+        if (allocated(error)) exit
       end if
       ! After a failure the state is the last good one: it is written too.
       call this%stopwatch%start('output')
+      call this%note_budget()
       call file%write_state(this%time, this%temperature, this%exact, file_error)
       call this%stopwatch%stop()
       if (allocated(error) .or. allocated(file_error)) exit
       if (present(observer)) call observer%reached(this)
     end do
+    if (this%scene%time%steady .and. allocated(error)) then
+      call file%abandon()
+      return
+    end if
     if (.not. allocated(file_error)) then
+      call file%write_budget(this%budget, this%entries)
       if (this%knows_exact()) call file%note('relative_l2_error', this%relative_l2_error())
       call file%close(this%stopwatch%phases, file_error)
     else
@@ -255,6 +283,59 @@ contains
     field = 0
     field(place) = values
   end function unpacked
+
+  subroutine settle(this, error)
+    class(simulation_t), intent(inout) :: this
+    !> There is none, or it was not found
+    type(error_t), allocatable, intent(out) :: error
+    real(wp) :: tolerance
+
+    call this%stopwatch%start('steady state')
+    tolerance = default_tolerance
+    if (this%scene%time%tolerance > 0) tolerance = this%scene%time%tolerance
+    call find_steady_state(this%conduction, this%scene%time%place, &
+                           tolerance*this%conduction%temperature_scale(), this%temperature, &
+                           this%newton_steps, error)
+    if (allocated(error)) return
+    call this%budget%close_exactly(this%conduction)
+    call this%stopwatch%stop()
+  end subroutine settle
+
+  !> The heat budget of the present state
+  subroutine note_budget(this)
+    class(simulation_t), intent(inout) :: this
+    type(budget_entry_t), allocatable :: longer(:)
+    integer :: k, n
+
+    n = size(this%entries)
+    allocate (longer(n + 1))
+    do k = 1, n
+      longer(k) = this%entries(k)
+    end do
+    call this%budget%evaluate(this%conduction, this%time, this%temperature, longer(n + 1))
+    call move_alloc(longer, this%entries)
+  end subroutine note_budget
+
+  !> What is in force and why, one text for each: conduction, held walls and effects.
+  function effects_in_force(this) result(texts)
+    class(simulation_t), intent(in) :: this
+    type(text_t), allocatable :: texts(:)
+    integer :: k
+
+    call append_text(texts, 'conduction')
+    do k = 1, size(this%scene%boundaries)
+      associate (boundary => this%scene%boundaries(k))
+        if (boundary%kind /= 'temperature') cycle
+        call append_text(texts, 'temperature held on '''//boundary%on//'''')
+      end associate
+    end do
+    if (.not. allocated(this%conduction%effects)) return
+    do k = 1, size(this%conduction%effects)
+      associate (effect => this%conduction%effects(k)%effect)
+        call append_text(texts, trim(effect%name)//' ('//effect%reason//')')
+      end associate
+    end do
+  end function effects_in_force
 
   subroutine advance_to(this, time, error)
     class(simulation_t), intent(inout) :: this
@@ -346,6 +427,7 @@ contains
     real(wp) :: time
 
     associate (end_time => this%scene%time%end)
+      if (this%scene%time%steady) return
       this%predicted_steps = end_time/this%stepper%longest_step
       if (.not. this%stepper%tolerance > 0) return
       this%predicted_steps = 0
