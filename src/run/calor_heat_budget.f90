@@ -27,7 +27,8 @@ module calor_heat_budget
     real(wp) :: stored = 0.0_wp, stored_rate = 0.0_wp
     !> Heat into the body by each account, W per metre depth
     real(wp), allocatable :: power(:)
-    !> What the rate exceeds the sum of all powers by, as a part of all that flows in and out
+    !> What the rate exceeds the sum of all powers by, as a part of all that flows: in and out, or
+    !> between the particles
     real(wp) :: imbalance = 0.0_wp
   end type budget_entry_t
 
@@ -41,8 +42,8 @@ module calor_heat_budget
     type(text_t), allocatable :: account(:)
     !> The particles' weights, m²
     real(wp), allocatable, private :: weight(:)
-    !> Number of walls
-    integer, private :: walls = 0
+    !> The account of each of the cloud's boundaries; 0 for one that consists of others
+    integer, allocatable, private :: wall_account(:)
   contains
     !> Prepare the budget of a scene
     procedure :: prepare
@@ -66,8 +67,12 @@ contains
 
     this%available = allocated(conduction%medium%contacts%normal)
     this%weight = cloud%area
-    this%account = cloud%boundary
-    this%walls = size(this%account)
+    do k = 1, size(cloud%boundary)
+      if (.not. any(conduction%medium%contacts%side == k - 1)) cycle
+      call append_text(this%account, cloud%boundary(k)%value)
+    end do
+    this%wall_account = [(place_of(this%account, cloud%boundary(k)%value), k=1, &
+                          size(cloud%boundary))]
     if (.not. allocated(conduction%effects)) return
     do k = 1, size(conduction%effects)
       name = conduction%effects(k)%effect%account()
@@ -220,7 +225,7 @@ contains
         end associate
       end do
       do k = 1, size(contacts%particle)
-        associate (i => contacts%particle(k), account => contacts%side(k) + 1)
+        associate (i => contacts%particle(k), account => this%wall_account(contacts%side(k) + 1))
           if (contacts%holding(k)) flux(k) = missing(i)
           if (this%conservative) then
             entry%power(account) = entry%power(account) + this%weight(i)*contacts%weight(k)*flux(k)
@@ -230,7 +235,7 @@ contains
         end associate
       end do
       entry%imbalance = entry%stored_rate - sum(entry%power)
-      associate (all => max(abs(entry%stored_rate), sum(abs(entry%power))))
+      associate (all => max(medium%capacity*sum(abs(this%weight*rate)), sum(abs(entry%power))))
         if (all > 0) entry%imbalance = entry%imbalance/all
       end associate
     end associate

@@ -27,26 +27,33 @@ contains
     type(wall_contacts_t), intent(out) :: contacts
     !> A boundary is unknown, or nothing is said about one
     type(error_t), allocatable, intent(out) :: error
+    logical, allocatable :: covers(:, :)
+    integer, allocatable :: bits(:)
     integer :: k, bit, particle, number
 
     call check_sides(scene%path, cloud, error)
     if (allocated(error)) return
-    number = sum(popcnt(cloud%side))
+    call find_covers(cloud, covers)
+    bits = pack([(bit, bit=0, size(cloud%boundary) - 1)], .not. any(covers, dim=2))
+    number = 0
+    do k = 1, size(bits)
+      number = number + count(btest(cloud%side, bits(k)))
+    end do
     allocate (contacts%particle(number), contacts%side(number))
     allocate (contacts%condition(number), source=0)
     allocate (contacts%weight(number), source=0.0_wp)
     number = 0
     do particle = 1, cloud%particles()
       if (cloud%side(particle) == 0) cycle
-      do bit = 0, size(cloud%boundary) - 1
-        if (.not. btest(cloud%side(particle), bit)) cycle
+      do k = 1, size(bits)
+        if (.not. btest(cloud%side(particle), bits(k))) cycle
         number = number + 1
         contacts%particle(number) = int(particle, ip)
-        contacts%side(number) = bit
+        contacts%side(number) = bits(k)
       end do
     end do
     do k = 1, size(scene%boundaries)
-      call mark_boundary(scene%boundaries(k), cloud, k, contacts, error)
+      call mark_boundary(scene%boundaries(k), cloud, covers, k, contacts, error)
       if (allocated(error)) return
     end do
     call check_walls(scene%path, cloud, contacts, error)
@@ -54,6 +61,26 @@ contains
     contacts%holding = [(holds(scene%boundaries(contacts%condition(k))), k=1, number)]
     if (allocated(cloud%normal_x)) call orient(cloud, contacts)
   end subroutine find_contacts
+
+  !> Which boundaries consist of others, as a polygon's 'outer' does of its edges.
+  pure subroutine find_covers(cloud, covers)
+    type(cloud_t), intent(in) :: cloud
+    !> Whether the first boundary has all particles of the second one, and more; numbered from 0
+    logical, allocatable, intent(out) :: covers(:, :)
+    logical, allocatable :: first(:), second(:)
+    integer :: a, b, boundaries
+
+    boundaries = size(cloud%boundary)
+    allocate (covers(0:boundaries - 1, 0:boundaries - 1), source=.false.)
+    do b = 0, boundaries - 1
+      second = btest(cloud%side, b)
+      if (.not. any(second)) cycle
+      do a = 0, boundaries - 1
+        first = btest(cloud%side, a)
+        covers(a, b) = all(first .or. .not. second) .and. any(first .and. .not. second)
+      end do
+    end do
+  end subroutine find_covers
 
   !> Hold the wall particles at what the boundaries say. Where two held walls meet, as at a corner,
   !> the later condition in the scene counts; a corner of a held wall and another one is held.
@@ -110,9 +137,11 @@ contains
   end function holds
 
   !> Note which condition holds at which contact.
-  subroutine mark_boundary(boundary, cloud, number, contacts, error)
+  subroutine mark_boundary(boundary, cloud, covers, number, contacts, error)
     type(boundary_t), intent(in) :: boundary
     type(cloud_t), intent(in) :: cloud
+    !> From `find_covers`
+    logical, intent(in) :: covers(0:, 0:)
     integer, intent(in) :: number
     type(wall_contacts_t), intent(inout) :: contacts
     type(error_t), allocatable, intent(out) :: error
@@ -120,13 +149,16 @@ contains
     character(len=:), allocatable :: names
     real(wp), allocatable :: inside(:)
     logical, allocatable :: meant(:)
-    integer :: bit
+    integer :: bit, k
 
     names = '''all'''
     allocate (meant(size(contacts%particle)), source=boundary%on == 'all')
     do bit = 0, size(cloud%boundary) - 1
       names = names//', '''//cloud%boundary(bit + 1)%value//''''
-      if (cloud%boundary(bit + 1)%value == boundary%on) meant = contacts%side == bit
+      if (cloud%boundary(bit + 1)%value /= boundary%on) cycle
+      do k = 1, size(meant)
+        meant(k) = contacts%side(k) == bit .or. covers(bit, contacts%side(k))
+      end do
     end do
     if (.not. any(meant)) then
       call raise(error, status_bad_input, boundary%place// &
@@ -155,16 +187,21 @@ contains
   subroutine orient(cloud, contacts)
     type(cloud_t), intent(in) :: cloud
     type(wall_contacts_t), intent(inout) :: contacts
+    integer, allocatable :: walls(:)
     integer :: k, j, nearest
     real(wp) :: distance, least
 
+    allocate (walls(cloud%particles()), source=0)
+    do k = 1, size(contacts%particle)
+      walls(contacts%particle(k)) = walls(contacts%particle(k)) + 1
+    end do
     associate (particle => contacts%particle)
       allocate (contacts%normal(2, size(particle)), contacts%length(size(particle)))
       do k = 1, size(particle)
         associate (i => particle(k))
           contacts%normal(:, k) = [cloud%normal_x(i), cloud%normal_y(i)]
-          contacts%length(k) = cloud%wall_length(i)/popcnt(cloud%side(i))
-          if (popcnt(cloud%side(i)) == 1) cycle
+          contacts%length(k) = cloud%wall_length(i)/walls(i)
+          if (walls(i) == 1) cycle
           nearest = 0
           least = huge(1.0_wp)
           do j = 1, size(particle)
@@ -176,7 +213,7 @@ contains
           end do
           if (nearest == 0) cycle
           contacts%length(k) = 0.5_wp*least
-          if (popcnt(cloud%side(nearest)) /= 1) cycle
+          if (walls(nearest) /= 1) cycle
           contacts%normal(:, k) = [cloud%normal_x(nearest), cloud%normal_y(nearest)]
         end associate
       end do

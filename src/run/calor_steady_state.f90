@@ -78,8 +78,8 @@ contains
     end if
   end subroutine find_steady_state
 
-  !> Something must tie the temperature down: insulated, or heated at a given rate only, a body has no
-  !> steady temperature, or as many as one likes.
+  !> Something must tie the temperature down: insulated, or heated at a given rate only, a body has
+  !> no steady temperature, or as many as one likes.
   subroutine require_hold(conduction, place, error)
     type(conduction_t), intent(in) :: conduction
     character(len=*), intent(in) :: place
