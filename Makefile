@@ -8,7 +8,7 @@
 .DEFAULT_GOAL := build
 .NOTPARALLEL:
 .PHONY: help build run test test-checked examples lint format pictures hard-cases documents \
-  set-up clean distclean
+  verification set-up clean distclean
 SHELL := /bin/bash
 
 RELEASE_FLAGS := -O3 -march=native
@@ -77,6 +77,9 @@ hard-cases: examples ## make anew the tables and the picture of docs/hard-cases.
 	gnuplot -e "data='$$scratch'; picture='docs/pictures/spectrum.png'" tools/spectrum.gnuplot && \
 	rm $$scratch
 	@OMP_NUM_THREADS=1 CALOR_KINDS=study tools/documents.sh
+
+verification: examples ## run the scenes of data/verification and write their table anew
+	@CALOR_KINDS=table tools/documents.sh docs/verification-scenes.md
 
 documents: build examples ## make anew what the documents quote from the programs
 	@tools/documents.sh

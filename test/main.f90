@@ -7,6 +7,7 @@ program main
   use calor_hdf5, only: skip_hdf5_cleanup
   use testdrive, only: run_testsuite, new_testsuite, testsuite_type, select_suite, run_selected
   use test_consistent, only: collect_consistent
+  use test_effects, only: collect_effects
   use test_documents, only: collect_documents
   use test_expression, only: collect_expression
   use test_scene_contract, only: collect_scene_contract
@@ -44,6 +45,7 @@ program main
            new_testsuite('stable rows', collect_stable_rows), &
            new_testsuite('consistent', collect_consistent), &
            new_testsuite('heat', collect_heat), &
+           new_testsuite('effects', collect_effects), &
            new_testsuite('hard cases', collect_hard_cases), &
            new_testsuite('kernels', collect_kernels), &
            new_testsuite('neighbour list', collect_neighbour_list), &
