@@ -110,8 +110,9 @@ contains
     type(error_type), allocatable, intent(out) :: error
 
     call check_orders(manufactured// &
-                      '&boundary on = ''right'' kind = ''flux'' flux_expression = '''//flux_right// &
-                      ''' / &boundary on = ''top'' kind = ''flux'' flux_expression = '''// &
+                      '&boundary on = ''right'' kind = ''flux'' flux_expression = '''// &
+                      flux_right//''' / '// &
+                      '&boundary on = ''top'' kind = ''flux'' flux_expression = '''// &
                       flux_top//''' / ', error)
   end subroutine test_flux_order
 

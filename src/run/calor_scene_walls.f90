@@ -56,7 +56,7 @@ contains
       call mark_boundary(scene%boundaries(k), cloud, covers, k, contacts, error)
       if (allocated(error)) return
     end do
-    call check_walls(scene%path, cloud, contacts, error)
+    call check_walls(scene%path, cloud, covers, contacts, error)
     if (allocated(error)) return
     contacts%holding = [(holds(scene%boundaries(contacts%condition(k))), k=1, number)]
     if (allocated(cloud%normal_x)) call orient(cloud, contacts)
@@ -240,10 +240,12 @@ contains
   end subroutine check_sides
 
   !> Something must be said about every wall.
-  subroutine check_walls(path, cloud, contacts, error)
+  subroutine check_walls(path, cloud, covers, contacts, error)
     !> The scene
     character(len=*), intent(in) :: path
     type(cloud_t), intent(in) :: cloud
+    !> From `find_covers`
+    logical, intent(in) :: covers(0:, 0:)
     type(wall_contacts_t), intent(in) :: contacts
     type(error_t), allocatable, intent(out) :: error
     character(len=:), allocatable :: names
@@ -251,7 +253,8 @@ contains
 
     names = ''
     do bit = 0, size(cloud%boundary) - 1
-      if (any(contacts%side == bit .and. contacts%condition == 0)) then
+      if (any((contacts%side == bit .or. covers(bit, contacts%side)) .and. &
+              contacts%condition == 0)) then
         names = names//' '''//cloud%boundary(bit + 1)%value//''''
       end if
     end do
