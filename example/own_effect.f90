@@ -1,5 +1,5 @@
-!> An effect of one's own, written outside the library: a body in a wind that cools all of it, as fins
-!> do, in proportion to its temperature.
+!> An effect of one's own, written outside the library: a body in a wind that cools all of it, as
+!> fins do, in proportion to its temperature.
 module wind
   use calor, only: effect_t, error_t, group_t, medium_t, wp
   implicit none (type, external)

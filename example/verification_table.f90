@@ -1,5 +1,6 @@
-!> Runs the scenes of data/verification on lattices and on irregular clouds, and prints what is known
-!> and what was found as a Markdown table. The status is 1 where anything is beyond its tolerance.
+!> Runs the scenes of data/verification on lattices and on irregular clouds, and prints what is
+!> known and what was found as a Markdown table.
+!> The status is 1 where anything is beyond its tolerance.
 program verification_table
   use calor, only: error_t, run_case, verification_cases, wp
   implicit none (type, external)

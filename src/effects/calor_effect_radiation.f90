@@ -63,7 +63,8 @@ contains
     if (allocated(error)) return
     do k = 1, size(this%temperature)
       if (this%temperature(k) >= 0) cycle
-      call raise(error, status_bad_input, this%place//': radiation takes temperatures in kelvin, '// &
+      call raise(error, status_bad_input, this%place// &
+                 ': radiation takes temperatures in kelvin, '// &
                  'but at the start it is '//to_text(this%temperature(k), digits=4)//' at ('// &
                  to_text(this%x(k), digits=6)//', '//to_text(this%y(k), digits=6)// &
                  '): give all temperatures of the scene in kelvin.')

@@ -4,9 +4,10 @@
 !> corner k runs over both walls. With κ ∂u/∂n = q, the heat flux into the body, a boundary that
 !> gives, or computes, a flux becomes a power b q, W/m³, at the particle.
 !>
-!> Such a row is solved for like any other (see calor_taylor_weights), its norm left free of b: with
-!> all neighbours on one side of the wall, Σ a_ij r_ji·n + b = 0 (n the outward normal) says that b is
-!> positive if the weights a are, and that it balances first moments along n which nothing else
+!> Such a row is solved for like any other (see calor_taylor_weights), its norm left free of b:
+!> with all neighbours on one side of the wall, Σ a_ij r_ji·n + b = 0 (n the outward normal) says
+!> that b is positive if the weights a are,
+!> and that it balances first moments along n which nothing else
 !> could balance with positive weights. On a lattice with the four nearest neighbours the row is
 !> that of finite differences with a mirrored particle: 2/Δ² for the inner neighbour, b = 2/Δ. A
 !> row whose weights are too negative, or whose b is not positive, takes more neighbours; where that

@@ -2,10 +2,10 @@
 !>
 !> Every particle, a held one too, has a row ρc ∂T/∂t = κ Σ a_ij (T_j - T_i) + Σ b q + s. At a held
 !> particle it tells the flux q that holding it takes. Summed with weights w for the particles'
-!> areas, d/dt Σ w ρc T = Σ w b q + Σ w s + κ Σ w (a T); the last term is what is missing. With the
-!> areas of particles it is of the order of the scheme; with weights for which Σ w_i a_ij = 0, the left
-!> null vector of the operator of a body insulated all around, there is none: then the budget closes
-!> but for rounding, however coarse the cloud.
+!> areas, d/dt Σ w ρc T = Σ w b q + Σ w s + κ Σ w (a T); the last term is what is missing. With
+!> the areas of particles it is of the order of the scheme; with weights for which Σ w_i a_ij = 0,
+!> the left null vector of the operator of a body insulated all around, there is none: then the
+!> budget closes but for rounding, however coarse the cloud.
 module calor_heat_budget
   use calor_cloud, only: cloud_t
   use calor_conduction, only: conduction_t

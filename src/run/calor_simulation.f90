@@ -147,7 +147,7 @@ contains
     this%scene = scene
     call check_target(scene%output%file, scene%output%place, scene, error)
     if (allocated(error)) return
-    if (.not. scene%time%steady .and. scene%output%every*huge(1) < scene%time%end .and. scene%output%every > 0) then
+    if (scene%output%every*huge(1) < scene%time%end .and. scene%output%every > 0) then
       call raise(error, status_bad_input, scene%output%place//': every = '// &
                  to_text(scene%output%every)//' s asks for more states than can be counted: '// &
                  'raise it.')

@@ -50,8 +50,9 @@ contains
       call factors%factorise(first, index, value, done)
       if (done) call factors%solve(-rate, change, .false., done)
       if (.not. done) then
-        call raise(error, status_bad_numbers, place//': the equations of the steady temperature '// &
-                   'could not be solved: they are singular, or there is too little memory.')
+        call raise(error, status_bad_numbers, place// &
+                   ': the equations of the steady temperature could not be '// &
+                   'solved: they are singular, or there is too little memory.')
         exit
       end if
       before = root_mean_square(rate)
