@@ -8,7 +8,7 @@
 .DEFAULT_GOAL := build
 .NOTPARALLEL:
 .PHONY: help build run test test-checked examples lint format pictures hard-cases cost documents \
-  set-up clean distclean
+  verification absent-effects set-up clean distclean
 SHELL := /bin/bash
 
 RELEASE_FLAGS := -O3 -march=native
@@ -36,7 +36,7 @@ export CALOR_EXAMPLES = $(abspath $(EXAMPLES))
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):[^#]*## \(.*\)/\1|\2/p' $(MAKEFILE_LIST) | \
-	while IFS='|' read -r name text; do printf 'make %-13s %s\n' "$$name" "$$text"; done
+	while IFS='|' read -r name text; do printf 'make %-14s %s\n' "$$name" "$$text"; done
 
 build: set-up ## the program, at bin/calor (installs what is missing; the default)
 	@tools/drop_stale.sh
@@ -80,6 +80,12 @@ hard-cases: examples ## make anew the tables and the picture of docs/hard-cases.
 
 cost: build ## measure anew the tables and pictures of docs/accuracy-and-cost.md (minutes)
 	@tools/cost.sh $(BIN)/calor
+
+verification: examples ## run the scenes of data/verification and write their table anew
+	@CALOR_KINDS=table tools/documents.sh docs/verification-scenes.md
+
+absent-effects: set-up ## count what effects cost a scene without them (minutes; needs valgrind)
+	@tools/absent_effects.sh
 
 documents: build examples ## make anew what the documents quote from the programs
 	@tools/documents.sh

@@ -19,6 +19,8 @@ module calor
   use calor_cost_table, only: describe_costs
   use calor_description, only: describe_plan, describe_result
   use calor_disc_body, only: make_disc_body, make_annulus_body
+  use calor_effect, only: effect_t, effect_slot_t
+  use calor_effects, only: known_effects, enter, effect_usage
   use calor_error, only: error_t, raise, status_done, status_bad_input, status_bad_numbers, &
                          status_bad_file
   use calor_evolution, only: evolution_t
@@ -37,6 +39,7 @@ module calor
   use calor_kinds, only: wp, ip, i8
   use calor_laplacian_scheme, only: laplacian_scheme_t, row_laplacian_t
   use calor_laplacian_schemes, only: laplacian_choices, make_laplacian_scheme
+  use calor_medium, only: medium_t
   use calor_neighbour_list, only: neighbour_list_t, build_neighbour_list
   use calor_new_scene, only: write_new_scene
   use calor_operator_description, only: describe_derivatives
@@ -48,6 +51,8 @@ module calor
   use calor_row_report, only: row_report_t
   use calor_scene, only: scene_t
   use calor_scene_contract, only: contract_help, contract_groups
+  use calor_scene_evolution, only: make_scene_evolution, method_t, scene_method, scene_rows_t
+  use calor_scene_file, only: group_t
   use calor_scene_reader, only: read_scene, interpret_scene
   use calor_shapes, only: shape_choices
   use calor_simulation, only: simulation_t, observer_t
@@ -60,6 +65,7 @@ module calor
   use calor_stencil, only: stencil_t
   use calor_stepper, only: stepper_t
   use calor_text, only: text_t, text_list, to_text, suggestion
+  use calor_verification, only: verification_case_t, verification_cases, run_case
   use calor_version, only: version
   use calor_volume, only: volumes_from_kernel
   use calor_whole_file, only: write_whole_file

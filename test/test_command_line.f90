@@ -359,6 +359,33 @@ contains
                'line 5: &material conductivity|greater than 0'), &
         case_t('&boundary on = ''lefft'' value = 0 /', 2, 'line 7: &boundary on|''left'''), &
         case_t('&boundary on = ''left'' value = 0 /', 2, 'nothing is said|''right''|''top'''), &
+        case_t('&boundary kind = ''temprature'' value = 1 /', 2, &
+               'line 7: &boundary kind|''temperature''|radiation'), &
+        case_t('&boundary kind = ''T'' value = 1 /', 2, 'line 7: &boundary kind'), &
+        case_t('&boundary value = 1 ambient = 1 /', 2, 'line 7: &boundary ambient|means nothing'), &
+        case_t('&boundary kind = ''flux'' /', 2, 'line 7: &boundary|lacks ''flux'''), &
+        case_t('&boundary kind = ''flux'' flux = 1 ambient = 2 /', 2, &
+               'line 7: &boundary ambient|means nothing|''flux'''), &
+        case_t('&boundary kind = ''insulated'' flux = 1 /', 2, &
+               'line 7: &boundary flux|means nothing|''insulated'''), &
+        case_t('&boundary kind = ''convection'' ambient = 1 /', 2, &
+               'line 7: &boundary|lacks ''coefficient'''), &
+        case_t('&boundary kind = ''convection'' coefficient = 1 /', 2, &
+               'line 7: &boundary|lacks ''ambient'''), &
+        case_t('&boundary kind = ''convection'' coefficient = -1 ambient = 1 /', 2, &
+               'line 7: &boundary coefficient|less than 0'), &
+        case_t('&boundary kind = ''radiation'' emissivity = 1.5 ambient = 1 /', 2, &
+               'line 7: &boundary emissivity|more than 1'), &
+        case_t('&boundary kind = ''radiation'' emissivity = 1 ambient = -1 /', 2, &
+               'line 7: &boundary ambient|less than 0'), &
+        case_t('&boundary value = 0 where_expression = ''t'' /', 2, &
+               'line 7: &boundary where_expression|x and y only'), &
+        case_t('&boundary value = 0 where_expression = ''x > 7'' /', 2, &
+               'line 7: &boundary|no particle'), &
+        case_t('&source power_expression = ''1/(x-0.5)'' /', 2, &
+               'line 11: &source power_expression|no number'), &
+        case_t('&source power = 1 where_expression = ''x > 7'' /', 2, &
+               'line 11: &source|no particle'), &
         case_t('&time end = -1 /', 2, 'line 8: &time end|greater than 0'), &
         case_t('&material conductivity = 1e300 /', 2, 'line 8: &time|cannot be stepped to'), &
         case_t('&time end = 1 step = 1 method = ''forward_euler'' /', 2, &
@@ -380,11 +407,6 @@ contains
                '&material conductivity_exp|yet'), &
         case_t('&material where_expression = ''x'' /', 2, &
                'line 5: &material where_expression|yet'), &
-        case_t('&boundary kind = ''flux'' flux = 1 /', 2, 'line 7: &boundary kind = ''flux'''), &
-        case_t('&boundary kind = ''insulated'' /', 2, 'line 7: &boundary kind = ''insulated'''), &
-        case_t('&boundary value = 1 ambient = 1 /', 2, 'line 7: &boundary ambient|yet'), &
-        case_t('&time end = 1 steady = .true. /', 2, 'line 8: &time steady|this version'), &
-        case_t('&source power = 1 /', 2, 'line 11: &source|this version|yet'), &
         case_t('&motion velocity_x = 1 /', 2, 'line 11: &motion|this version|yet'), &
         case_t('&checkpoint file = ''a.h5'' /', 2, 'line 11: &checkpoint|this version|yet')])
   end subroutine test_later

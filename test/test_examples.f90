@@ -13,8 +13,8 @@ module test_examples
   !> Every example; each has a test below
   character(len=*), parameter :: examples(*) = [character(len=20) :: 'heat_in_ten_lines', &
       'laplacian_of_a_field', 'neighbour_list', 'own_kernel', 'own_scheme', 'error_table', &
-      'operator_table', 'field_as_text', 'scene_reference', 'hard_cases', &
-      'convergence_table']
+      'operator_table', 'field_as_text', 'scene_reference', 'hard_cases', 'convergence_table', &
+      'own_effect', 'verification_table']
 
 contains
 
@@ -33,6 +33,8 @@ contains
                 new_unittest('field_as_text', test_field_as_text), &
                 new_unittest('hard_cases', test_hard_cases), &
                 new_unittest('convergence_table', test_convergence_table), &
+                new_unittest('own_effect', test_own_effect), &
+                new_unittest('verification_table', test_verification_table), &
                 new_unittest('scene_reference', test_scene_reference) &
                 ]
   end subroutine collect_examples
@@ -208,6 +210,25 @@ contains
     if (allocated(error)) return
     call check(error, index(outcome%output, '# random, made by: hard_cases cloud 21 8 1'), 1)
   end subroutine test_hard_cases
+
+  subroutine test_own_effect(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(outcome_t) :: outcome
+
+    call run_example('own_effect', outcome, error)
+    if (allocated(error)) return
+    call check_number(error, outcome, 'temperature / exp(-2) = ', 0.999_wp, 1.001_wp)
+  end subroutine test_own_effect
+
+  !> Its status tells whether every scene is within its tolerance.
+  subroutine test_verification_table(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(outcome_t) :: outcome
+
+    call run_example('verification_table', outcome, error)
+    if (allocated(error)) return
+    call check(error, index(outcome%output, '| nafems_t4 |') > 0, outcome%output)
+  end subroutine test_verification_table
 
   subroutine test_scene_reference(error)
     type(error_type), allocatable, intent(out) :: error

@@ -339,7 +339,7 @@ contains
     call expect_refusal(square//held//'&time end = 1 / &initial temperature_expression = '// &
                         '''1/(x-0.5)'' /', 'gives no number at (0.5', error)
     if (allocated(error)) return
-    call expect_refusal(square//held//'&time end = 1 / &source power = 1 /', '&source', error)
+    call expect_refusal(square//held//'&time end = 1 / &source /', '&source lacks ''power''', error)
     if (allocated(error)) return
     call expect_refusal('&domain shape = ''rectangle'' x_range = 0, 1 y_range = 0, 1 '// &
                         'spacing = 1 / '//held//'&time end = 1 / '// &

@@ -47,7 +47,6 @@ contains
                 new_unittest('number and expression', test_companions), &
                 new_unittest('groups for later', test_later_groups), &
                 new_unittest('keys for later', test_later_keys), &
-                new_unittest('values for later', test_later_values), &
                 new_unittest('help', test_help), &
                 new_unittest('mutated scenes', test_mutations) &
                 ]
@@ -165,11 +164,9 @@ contains
   subroutine test_later_groups(error)
     type(error_type), allocatable, intent(out) :: error
 
-    call refuse('&time end = 1 /'//lf//'&source power = 1.0e6 /', 'a.nml, line 2: &source: '// &
+    call refuse('&time end = 1 /'//lf//'&motion velocity_x = 1.0 /', 'a.nml, line 2: &motion: '// &
                 'this group is part of the scene format, but this version of calor cannot '// &
-                'simulate heat sources yet; remove the group.', error)
-    if (allocated(error)) return
-    call refuse('&motion velocity_x_expression = ''-y'' /', 'cannot move the particles yet', error)
+                'move the particles yet; remove the group.', error)
     if (allocated(error)) return
     call refuse('&checkpoint file = ''a'' /', 'cannot write checkpoints yet', error)
   end subroutine test_later_groups
@@ -179,11 +176,7 @@ contains
     character(len=*), parameter :: keys(*) = [character(len=40) :: &
         'material where_expression = ''x''', &
         'material conductivity_expression = ''x''', 'material density_expression = ''x''', &
-        'material heat_capacity_expression = ''x''', 'boundary where_expression = ''x''', &
-        'boundary flux = 1', 'boundary flux_expression = ''1''', 'boundary coefficient = 1', &
-        'boundary coefficient_expression = ''1''', 'boundary emissivity = 1', &
-        'boundary emissivity_expression = ''1''', 'boundary ambient = 1', &
-        'boundary ambient_expression = ''1''']
+        'material heat_capacity_expression = ''x''']
     integer :: k
 
     do k = 1, size(keys)
@@ -195,22 +188,6 @@ contains
       if (allocated(error)) return
     end do
   end subroutine test_later_keys
-
-  subroutine test_later_values(error)
-    type(error_type), allocatable, intent(out) :: error
-
-    call refuse('&time steady = T /', 'a.nml, line 1: &time steady = T: this value is part of '// &
-                'the scene format, but this version of calor has only .false. so far.', error)
-    if (allocated(error)) return
-    call refuse('&time steady = .true. /', 'has only .false. so far.', error)
-    if (allocated(error)) return
-    call refuse('&boundary kind = ''flux'' /', 'has only temperature so far.', error)
-    if (allocated(error)) return
-    call refuse('&boundary kind = ''temprature'' /', 'there is no ''temprature'' to choose. '// &
-                'Did you mean ''temperature''?'//lf//'There are: temperature (later: flux, ', error)
-    if (allocated(error)) return
-    call refuse('&boundary kind = ''T'' /', 'there is no ''T'' to choose.', error)
-  end subroutine test_later_values
 
   subroutine test_help(error)
     type(error_type), allocatable, intent(out) :: error
@@ -224,8 +201,8 @@ contains
     if (allocated(error)) return
     call check(error, index(help, 'spacing = ') == 0 .and. index(help, 'seed') == 0, help)
     if (allocated(error)) return
-    help = contract_help('source')
-    call check(error, index(help, 'heat source, W/m3 (not yet)') > 0, help)
+    help = contract_help('motion')
+    call check(error, index(help, 'velocity, m/s (not yet)') > 0, help)
     if (allocated(error)) return
     help = contract_help()
     call check(error, index(help, '&boundary') > 0 .and. index(help, '&cost') > 0, help)

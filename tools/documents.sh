@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Keeps what the documents quote equal to what the programs say: tools/documents.sh [--check]
+# Keeps what the documents quote equal to what the programs say: tools/documents.sh [--check|DOCUMENT]
 #
 # A document marks a quotation by a comment before it and one after it:
 #
@@ -55,7 +55,9 @@ renewed() {
 }
 
 status=0
-for document in README.md docs/*.md; do
+documents=(README.md docs/*.md)
+if [[ ${1:-} == *.md ]]; then documents=("$1"); fi
+for document in "${documents[@]}"; do
   if [[ ${1:-} == --check ]]; then
     text=$(renewed "$document" text && printf x) || exit 1
     if ! diff "$document" - <<<"${text%$'\n'x}" >&2; then

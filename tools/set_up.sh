@@ -67,6 +67,7 @@ missing_packages() {
   has_library blas || echo libblas-dev
   has_library muparser || echo libmuparser-dev
   has_library arpack || echo libarpack2-dev
+  has_library umfpack || echo libsuitesparse-dev
   if [[ $1 == 1 ]]; then has_library mctc-lib || echo libmctc-lib-dev; fi
   holds .venv "$FPM" || missing_python_packages
 }

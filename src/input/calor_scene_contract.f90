@@ -73,7 +73,7 @@ module calor_scene_contract
       group_rule_t('material', one, now, 'what the body is made of'), &
       group_rule_t('initial', one, now, 'the temperature at the beginning'), &
       group_rule_t('boundary', many, now, 'what happens at a part of the boundary'), &
-      group_rule_t('source', many, later, 'simulate heat sources'), &
+      group_rule_t('source', many, now, 'heat set free within the body'), &
       group_rule_t('motion', one, later, 'move the particles'), &
       group_rule_t('time', one, now, 'how long and in which steps'), &
       group_rule_t('output', one, now, 'what is written, where and how often'), &
@@ -123,18 +123,18 @@ module calor_scene_contract
       key_rule_t('boundary', 'kind', text, now, '''temperature''', 'what is given there'), &
       key_rule_t('boundary', 'value', number, now, '', 'temperature, K'), &
       key_rule_t('boundary', 'value_expression', expression, now, '', 'the same'), &
-      key_rule_t('boundary', 'where_expression', expression, later, '', 'where it is not 0'), &
-      key_rule_t('boundary', 'flux', number, later, '', 'heat flux into the body, W/m2'), &
-      key_rule_t('boundary', 'flux_expression', expression, later, '', 'the same'), &
-      key_rule_t('boundary', 'coefficient', number, later, '', 'heat transfer, W/(m2 K)'), &
-      key_rule_t('boundary', 'coefficient_expression', expression, later, '', 'the same'), &
-      key_rule_t('boundary', 'emissivity', number, later, '', 'emissivity, from 0 to 1'), &
-      key_rule_t('boundary', 'emissivity_expression', expression, later, '', 'the same'), &
-      key_rule_t('boundary', 'ambient', number, later, '', 'temperature around the body, K'), &
-      key_rule_t('boundary', 'ambient_expression', expression, later, '', 'the same'), &
-      key_rule_t('source', 'power', number, later, '', 'heat source, W/m3'), &
-      key_rule_t('source', 'power_expression', expression, later, '', 'the same'), &
-      key_rule_t('source', 'where_expression', expression, later, '', 'where it is not 0'), &
+      key_rule_t('boundary', 'where_expression', expression, now, '', 'where it is not 0'), &
+      key_rule_t('boundary', 'flux', number, now, '', 'heat flux into the body, W/m2'), &
+      key_rule_t('boundary', 'flux_expression', expression, now, '', 'the same'), &
+      key_rule_t('boundary', 'coefficient', number, now, '', 'heat transfer, W/(m2 K)'), &
+      key_rule_t('boundary', 'coefficient_expression', expression, now, '', 'the same'), &
+      key_rule_t('boundary', 'emissivity', number, now, '', 'emissivity, from 0 to 1'), &
+      key_rule_t('boundary', 'emissivity_expression', expression, now, '', 'the same'), &
+      key_rule_t('boundary', 'ambient', number, now, '', 'temperature around the body, K'), &
+      key_rule_t('boundary', 'ambient_expression', expression, now, '', 'the same'), &
+      key_rule_t('source', 'power', number, now, '', 'heat set free, W/m3'), &
+      key_rule_t('source', 'power_expression', expression, now, '', 'the same'), &
+      key_rule_t('source', 'where_expression', expression, now, '', 'where it is not 0'), &
       key_rule_t('motion', 'velocity_x', number, later, '', 'velocity, m/s'), &
       key_rule_t('motion', 'velocity_x_expression', expression, later, '', 'the same'), &
       key_rule_t('motion', 'velocity_y', number, later, '', 'velocity, m/s'), &
@@ -148,7 +148,7 @@ module calor_scene_contract
       key_rule_t('output', 'every', number, now, '', 'time between outputs, s'), &
       key_rule_t('output', 'fields', texts, now, '''temperature''', 'what to write'), &
       key_rule_t('accuracy', 'estimate', yes_no, now, '.false.', 'estimate the error'), &
-      key_rule_t('accuracy', 'target', number, now, '', 'relative L2 error to reach, at least cost'), &
+      key_rule_t('accuracy', 'target', number, now, '', 'relative L2 error to reach'), &
       key_rule_t('checkpoint', 'file', text, later, '', 'the file to write'), &
       key_rule_t('checkpoint', 'every_seconds', number, later, '', 'time between two, s'), &
       key_rule_t('operators', 'field_expression', expression, now, '', 'the field'), &
@@ -167,9 +167,7 @@ module calor_scene_contract
       key_rule_t('cost', 'target', number, now, '', 'the error to reach at least cost'), &
       key_rule_t('cost', 'file', text, now, '', 'the table to write (CSV)')]
 
-  type(value_rule_t), parameter :: value_rules(*) = [ &
-      value_rule_t('time', 'steady', '.false.', '.true.'), &
-      value_rule_t('boundary', 'kind', 'temperature', 'flux convection radiation insulated')]
+  type(value_rule_t), parameter :: value_rules(*) = [value_rule_t ::]
 
   character(len=*), parameter :: companion = '_expression'
 

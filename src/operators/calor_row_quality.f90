@@ -24,9 +24,23 @@ module calor_row_quality
     real(wp), allocatable :: stiffness(:)
     !> Number of neighbours with a weight
     integer, allocatable :: neighbours(:)
+  contains
+    !> Add the entries of other rows after its own
+    procedure :: append
   end type row_quality_t
 
 contains
+
+  subroutine append(this, other)
+    class(row_quality_t), intent(inout) :: this
+    !> The other rows
+    type(row_quality_t), intent(in) :: other
+
+    this%ratio = [this%ratio, other%ratio]
+    this%residual = [this%residual, other%residual]
+    this%stiffness = [this%stiffness, other%stiffness]
+    this%neighbours = [this%neighbours, other%neighbours]
+  end subroutine append
 
   !> Measure every row.
   subroutine measure_rows(laplacian, x, y, radius, degree, quality)

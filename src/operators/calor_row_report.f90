@@ -19,6 +19,8 @@ module calor_row_report
     procedure :: reserve
     !> Keep what a scheme noted in the stencil of a row
     procedure :: note
+    !> Add the entries of other rows after its own
+    procedure :: append
     !> Number of rows whose tensors were singular, so that the minimum-norm solution was taken
     procedure :: singular_rows
   end type row_report_t
@@ -46,6 +48,16 @@ contains
     this%condition_laplacian(row) = stencil%condition_laplacian
     this%residual(row) = stencil%residual
   end subroutine note
+
+  subroutine append(this, other)
+    class(row_report_t), intent(inout) :: this
+    !> The other rows
+    type(row_report_t), intent(in) :: other
+
+    this%condition_gradient = [this%condition_gradient, other%condition_gradient]
+    this%condition_laplacian = [this%condition_laplacian, other%condition_laplacian]
+    this%residual = [this%residual, other%residual]
+  end subroutine append
 
   pure function singular_rows(this) result(number)
     class(row_report_t), intent(in) :: this

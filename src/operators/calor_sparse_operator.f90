@@ -28,6 +28,8 @@ module calor_sparse_operator
     procedure :: bytes
     !> Take the rows and neighbours of a neighbour list, all weights still undefined
     procedure :: shape_as
+    !> Add the rows of another operator after its own
+    procedure :: append
     !> The derivative of a field at the targets
     procedure :: apply
     !> The same times a factor, laid down at the places of the target particles
@@ -69,6 +71,18 @@ contains
     allocate (this%weight(size(list%index)))
     allocate (this%diagonal(list%rows()))
   end subroutine shape_as
+
+  subroutine append(this, other)
+    class(sparse_operator_t), intent(inout) :: this
+    !> The rows to add, at other particles
+    type(sparse_operator_t), intent(in) :: other
+
+    this%target = [this%target, other%target]
+    this%first = [this%first, other%first(2:) + (this%first(size(this%first)) - 1)]
+    this%index = [this%index, other%index]
+    this%weight = [this%weight, other%weight]
+    this%diagonal = [this%diagonal, other%diagonal]
+  end subroutine append
 
   subroutine apply(this, u, derivative)
     class(sparse_operator_t), intent(in) :: this

@@ -134,6 +134,8 @@ module calor_field_file
     generic :: set_attribute => set_text, set_texts, set_real, set_reals, set_integer
     !> Set an attribute of group `/calor/wall_time`
     procedure :: set_wall_time
+    !> Write a list of numbers into the group /calor
+    procedure :: write_series
     !> Complete the step and bring all that was written to the disk
     procedure :: flush => flush_file
     !> Give the file its final name; writing goes on
@@ -479,6 +481,23 @@ contains
     if (.not. this%ready(error)) return
     call set_numbers(this, this%wall_time_group, phase, holds_reals, -1, c_loc(seconds), error)
   end subroutine set_wall_time
+
+  !> Once for each name: a data set of as many numbers.
+  subroutine write_series(this, name, values, error)
+    class(field_file_t), intent(inout) :: this
+    !> The name of the data set
+    character(len=*), intent(in) :: name
+    !> The numbers
+    real(wp), intent(in), target, contiguous :: values(:)
+    !> Why that failed
+    type(error_t), allocatable, intent(out) :: error
+    integer :: status
+
+    if (.not. this%ready(error)) return
+    call put_dataset(this%calor_group, name, h5t_ieee_f64le, memory_type(holds_reals), &
+                     [size(values, kind=hsize_t)], c_loc(values), status)
+    if (status < 0) call this%fail(hdf5_reason(), error)
+  end subroutine write_series
 
   ! ---------------------------------------------------------------------------------------------
   ! Errors

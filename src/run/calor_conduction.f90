@@ -1,10 +1,14 @@
-!> Heat conduction in a body of constant material: u_t = κ/(ρc) ∇²u, held temperatures on walls.
+!> Heat conduction in a body of constant material, u_t = κ/(ρc) ∇²u, with held temperatures on walls
+!> and whatever effects a scene calls for.
 module calor_conduction
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use calor_constants, only: worth_threads
+  use calor_effect, only: effect_slot_t
   use calor_error, only: error_t, raise, status_bad_numbers
   use calor_evolution, only: evolution_t
+  use calor_expression, only: expression_t
   use calor_kinds, only: wp
+  use calor_medium, only: medium_t
   use calor_prescribed, only: prescribed_t
   use calor_sparse_operator, only: sparse_operator_t
   use calor_text, only: to_text
@@ -31,6 +35,17 @@ module calor_conduction
     !> Coordinates, m, and user's number of each particle, for messages
     real(wp), allocatable :: x(:), y(:)
     integer, allocatable :: user_index(:)
+    !> The particles, what they consist of and where they touch the world
+    type(medium_t) :: medium
+    !> ∇² without the parts of normal derivatives at held particles, which the heat budget needs
+    type(sparse_operator_t) :: held_rows
+    !> The effects in force beside conduction; not allocated where there are none
+    type(effect_slot_t), allocatable :: effects(:)
+    !> The power of all effects at each particle, W/m³; allocated where there are effects
+    real(wp), allocatable :: power(:)
+    !> The derivative of their power over ρc, 1/s, at the temperatures of the last `linearise`;
+    !> allocated where the power of any depends on the temperature
+    real(wp), allocatable :: slope(:)
     !> Lowest and highest of all temperatures given so far
     real(wp) :: lowest = huge(1.0_wp), highest = -huge(1.0_wp)
     !> What to blame should the numbers go wrong, in a sentence; not allocated: the scheme
@@ -51,6 +66,16 @@ module calor_conduction
     procedure :: spectral_bound
     !> Widen the range of given temperatures
     procedure :: note_range
+    !> Put effects in force
+    procedure :: put_in_force
+    !> Find the derivatives of the effects' powers at a state
+    procedure :: linearise
+    !> The measure of temperatures: the range of those given, or what effects may bring about, K
+    procedure :: temperature_scale
+    !> Put the rates of held temperatures into a rate
+    procedure :: add_held_rates
+    procedure, private :: add_effects
+    procedure, private :: allowed_range
   end type conduction_t
 
 contains
@@ -68,9 +93,8 @@ contains
     real(wp), intent(in) :: u(:)
     real(wp), intent(out) :: du(:)
 
-    associate (unused => time)
-    end associate
     call this%laplacian%apply_at_targets(this%diffusivity, u, du)
+    if (allocated(this%effects)) call this%add_effects(time, u, du)
     call this%clear_prescribed(du)
   end subroutine rate
 
@@ -79,8 +103,102 @@ contains
     real(wp), intent(in) :: v(:)
     real(wp), intent(out) :: product(:)
 
-    call this%rate(0.0_wp, v, product)
+    call this%laplacian%apply_at_targets(this%diffusivity, v, product)
+    if (allocated(this%slope)) product = product + this%slope*v
+    call this%clear_prescribed(product)
   end subroutine jacobian_product
+
+  !> By a difference: expressions have no other derivative.
+  subroutine add_held_rates(this, time, rate)
+    class(conduction_t), intent(in) :: this
+    !> Time, s
+    real(wp), intent(in) :: time
+    !> Rates of all particles, K/s; those of held ones are set
+    real(wp), intent(inout) :: rate(:)
+    type(expression_t) :: expression
+    real(wp), allocatable :: before(:), after(:)
+    real(wp) :: step
+    integer :: k
+
+    do k = 1, size(this%prescribed)
+      associate (held => this%prescribed(k))
+        rate(held%particle) = 0
+        if (.not. allocated(held%expression)) cycle
+        step = 1.0e-5_wp*this%medium%duration
+        if (.not. step > 0) step = 1.0e-5_wp
+        expression = held%expression
+        allocate (before(size(held%particle)), after(size(held%particle)))
+        call expression%evaluate(held%x, held%y, max(0.0_wp, time - step), values=before)
+        call expression%evaluate(held%x, held%y, time + step, values=after)
+        rate(held%particle) = (after - before)/(time + step - max(0.0_wp, time - step))
+        deallocate (before, after)
+      end associate
+    end do
+  end subroutine add_held_rates
+
+  !> Add to rates what the effects bring.
+  subroutine add_effects(this, time, u, du)
+    class(conduction_t), intent(inout) :: this
+    real(wp), intent(in) :: time
+    real(wp), intent(in) :: u(:)
+    real(wp), intent(inout) :: du(:)
+    integer :: k
+
+    !$omp parallel do if (size(du) > worth_threads) schedule(static) default(shared) private(k)
+    do k = 1, size(du)
+      this%power(k) = 0
+    end do
+    !$omp end parallel do
+    do k = 1, size(this%effects)
+      call this%effects(k)%effect%add_power(this%medium, time, u, this%power)
+    end do
+    !$omp parallel do if (size(du) > worth_threads) schedule(static) default(shared) private(k)
+    do k = 1, size(du)
+      du(k) = du(k) + this%power(k)/this%medium%capacity
+    end do
+    !$omp end parallel do
+  end subroutine add_effects
+
+  subroutine put_in_force(this, effects, temperature, error)
+    class(conduction_t), intent(inout) :: this
+    !> What the scene calls for; moved. Not allocated: nothing
+    type(effect_slot_t), allocatable, intent(inout) :: effects(:)
+    !> Their temperatures at the start
+    real(wp), intent(in) :: temperature(:)
+    !> What the scene asks for cannot be had
+    type(error_t), allocatable, intent(out) :: error
+    integer :: k
+
+    if (.not. allocated(effects)) return
+    call move_alloc(effects, this%effects)
+    allocate (this%power(size(temperature)), source=0.0_wp)
+    do k = 1, size(this%effects)
+      call this%effects(k)%effect%prepare(this%medium, temperature, error)
+      if (allocated(error)) return
+      if (this%effects(k)%effect%has_slope() .and. .not. allocated(this%slope)) then
+        allocate (this%slope(size(temperature)))
+      end if
+    end do
+    call this%linearise(0.0_wp, temperature)
+  end subroutine put_in_force
+
+  subroutine linearise(this, time, u)
+    class(conduction_t), intent(inout) :: this
+    !> Time, s
+    real(wp), intent(in) :: time
+    !> State
+    real(wp), intent(in) :: u(:)
+    integer :: k
+
+    if (.not. allocated(this%slope)) return
+    this%slope = 0
+    do k = 1, size(this%effects)
+      if (.not. this%effects(k)%effect%has_slope()) cycle
+      call this%effects(k)%effect%add_slope(this%medium, time, u, this%slope)
+    end do
+    this%slope = this%slope/this%medium%capacity
+    call this%clear_prescribed(this%slope)
+  end subroutine linearise
 
   subroutine impose(this, time, u)
     class(conduction_t), intent(inout) :: this
@@ -113,8 +231,7 @@ contains
     integer :: k, particle
     logical :: finite
 
-    low = this%lowest
-    high = this%highest
+    call this%allowed_range(low, high)
     range = high - low
     ! Where all temperatures are equal, rounding must not count
     rounding = 1.0e-6_wp*max(abs(low), abs(high))
@@ -184,6 +301,7 @@ contains
     real(wp) :: bound
 
     bound = this%diffusivity*this%laplacian%gershgorin_bound()
+    if (allocated(this%slope)) bound = bound + maxval(abs(this%slope))
   end function spectral_bound
 
   pure function fastest_decay(this) result(rate)
@@ -191,9 +309,57 @@ contains
     real(wp) :: rate
 
     rate = 0
-    if (any(this%laplacian%weight < 0)) return
+    if (any(this%laplacian%weight < 0) .or. allocated(this%effects)) return
     rate = this%diffusivity*maxval(-this%laplacian%diagonal)
   end function fastest_decay
+
+  !> The range that a state may leave by a little only. Effects that heat or cool without end leave
+  !> none: what is finite passes.
+  subroutine allowed_range(this, low, high)
+    class(conduction_t), intent(in) :: this
+    real(wp), intent(out) :: low, high
+    real(wp) :: lowest, highest
+    logical :: kept
+    integer :: k
+
+    low = this%lowest
+    high = this%highest
+    if (.not. allocated(this%effects)) return
+    do k = 1, size(this%effects)
+      call this%effects(k)%effect%kept_range(kept, lowest, highest)
+      if (.not. kept) then
+        low = -0.01_wp*huge(1.0_wp)
+        high = 0.01_wp*huge(1.0_wp)
+        return
+      end if
+      low = min(low, lowest)
+      high = max(high, highest)
+    end do
+  end subroutine allowed_range
+
+  function temperature_scale(this) result(scale)
+    class(conduction_t), intent(in) :: this
+    real(wp) :: scale
+    real(wp) :: low, high, rise, kept_low, kept_high
+    logical :: kept
+    integer :: k
+
+    low = this%lowest
+    high = this%highest
+    rise = 0
+    if (allocated(this%effects)) then
+      do k = 1, size(this%effects)
+        call this%effects(k)%effect%kept_range(kept, kept_low, kept_high)
+        if (kept) then
+          low = min(low, kept_low)
+          high = max(high, kept_high)
+        end if
+        rise = max(rise, this%effects(k)%effect%expected_rise(this%medium))
+      end do
+    end if
+    scale = max(high - low, rise)
+    if (.not. scale > 0) scale = max(abs(high), 1.0_wp)
+  end function temperature_scale
 
   subroutine note_range(this, temperature)
     class(conduction_t), intent(inout) :: this

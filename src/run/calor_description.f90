@@ -38,13 +38,19 @@ contains
     call add(lines, 'Rows', rows(simulation))
     if (any(simulation%repairs%repair /= as_written)) call add(lines, 'Repairs', &
                                                                repairs(simulation))
-    call add(lines, 'Stability', stability(simulation))
+    if (.not. simulation%scene%time%steady) then
+      call add(lines, 'Stability', stability(simulation))
+    end if
     call add(lines, 'Diffusivity', to_text(simulation%conduction%diffusivity, digits=6)//' m2/s')
     call add(lines, 'Effects', effects(simulation))
-    call add(lines, 'Time', '0 to '//to_text(simulation%scene%time%end)//' s by '// &
+    if (simulation%scene%time%steady) then
+      call add(lines, 'Time', 'steady state, by Newton''s method and a sparse direct solver')
+    else
+      call add(lines, 'Time', '0 to '//to_text(simulation%scene%time%end)//' s by '// &
              simulation%scene%time%method//': '// &
              summary(integrator_choices, simulation%scene%time%method))
-    call add(lines, 'Steps', steps(simulation))
+      call add(lines, 'Steps', steps(simulation))
+    end if
     call add(lines, 'Memory', 'about '//size_text(memory_need( &
              real(simulation%cloud%particles(), wp), simulation%mean_neighbours)))
     call add(lines, 'Output', output(simulation))
@@ -72,13 +78,18 @@ contains
     character(len=:), allocatable :: phases
 
     allocate (lines(0))
-    associate (stepper => simulation%stepper)
-      call add(lines, 'Steps', to_text(stepper%steps)//' steps to t = '// &
+    if (simulation%scene%time%steady) then
+      call add(lines, 'Steps', to_text(simulation%newton_steps)//' of Newton''s method')
+    else
+      associate (stepper => simulation%stepper)
+        call add(lines, 'Steps', to_text(stepper%steps)//' steps to t = '// &
                to_text(simulation%time, digits=6)//' s, '// &
                to_text(stepper%integrator%evaluations)//' evaluations of the Laplacian')
-    end associate
+      end associate
+    end if
     call add(lines, 'Temperature', to_text(minval(simulation%temperature), digits=6)//' to '// &
              to_text(maxval(simulation%temperature), digits=6))
+    if (size(simulation%entries) > 0) call add(lines, 'Heat', budget(simulation))
     phases = ''
     do k = 1, size(simulation%stopwatch%phases)
       associate (phase => simulation%stopwatch%phases(k))
@@ -285,15 +296,27 @@ contains
   function effects(simulation) result(text)
     type(simulation_t), intent(in) :: simulation
     character(len=:), allocatable :: text
+
+    text = join(simulation%effects_in_force(), '; ')//'. Nothing else.'
+  end function effects
+
+  !> What each account of the heat budget has in the last state
+  function budget(simulation) result(text)
+    type(simulation_t), intent(in) :: simulation
+    character(len=:), allocatable :: text
     integer :: k
 
-    text = 'conduction; temperature held on'
-    do k = 1, size(simulation%scene%boundaries)
-      if (k > 1) text = text//','
-      text = text//' '''//simulation%scene%boundaries(k)%on//''''
-    end do
-    text = text//'. Nothing else.'
-  end function effects
+    associate (entry => simulation%entries(size(simulation%entries)))
+      text = 'stored '//to_text(entry%stored, digits=6)//' J/m'
+      if (.not. simulation%budget%available) return
+      do k = 1, size(simulation%budget%account)
+        text = text//', '//simulation%budget%account(k)%value//' '// &
+               to_text(entry%power(k), digits=6)
+      end do
+      text = text//' W/m; storing '//to_text(entry%stored_rate, digits=6)//' W/m; imbalance '// &
+             to_text(entry%imbalance, digits=2)
+    end associate
+  end function budget
 
   function steps(simulation) result(text)
     type(simulation_t), intent(in) :: simulation
@@ -348,6 +371,7 @@ contains
       end if
       n = simulation%cloud%particles()
       states = 2
+      if (simulation%scene%time%steady) states = 1
       if (out%every > 0) states = 1 + max(1, ceiling(simulation%scene%time%end/out%every))
       ! A particle's place, cell and static fields take 57 bytes, a field of a state 8.
       text = out%file//': '//join(out%fields, ', ')//' at '//count_text(states)//' times, '// &

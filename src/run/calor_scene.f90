@@ -1,6 +1,7 @@
 !> A scene: everything that a scene file says, as values of the right types.
 module calor_scene
   use calor_kinds, only: wp
+  use calor_scene_file, only: scene_file_t
   use calor_taylor_weights, only: default_order
   use calor_text, only: text_t
   implicit none (type, external)
@@ -52,11 +53,13 @@ module calor_scene
   type :: boundary_t
     !> Name of the boundary, or 'all'
     character(len=:), allocatable :: on
-    !> 'temperature'
+    !> 'temperature', or the name of an effect that a wall calls for
     character(len=:), allocatable :: kind
     !> The temperature as a number, or as an expression of x, y and t where that is not empty
     real(wp) :: value = 0.0_wp
     character(len=:), allocatable :: value_expression
+    !> Where on the wall, as an expression of x and y; '': everywhere
+    character(len=:), allocatable :: where_expression
     !> Where the scene file says so
     character(len=:), allocatable :: place
   end type boundary_t
@@ -71,6 +74,8 @@ module calor_scene
     character(len=:), allocatable :: method
     !> Error that one step may make, as a fraction of the range of given temperatures; 0: not given
     real(wp) :: tolerance = 0.0_wp
+    !> Whether only the steady temperature is asked for
+    logical :: steady = .false.
     !> Where the scene file says so
     character(len=:), allocatable :: place
   end type time_t
@@ -152,6 +157,8 @@ module calor_scene
     type(accuracy_t) :: accuracy
     type(operators_t) :: operators
     type(cost_t) :: cost
+    !> The groups as they stand in the scene: effects read theirs from here
+    type(scene_file_t) :: file
   end type scene_t
 
 end module calor_scene

@@ -3,6 +3,8 @@ module calor_scene_reader
   use calor_arrangements, only: arrangement_choices
   use calor_body, only: body_t
   use calor_choice, only: choice_t
+  use calor_effect, only: effect_slot_t
+  use calor_effects, only: called_effects
   use calor_error, only: error_t
   use calor_expression, only: expression_t
   use calor_gradient_schemes, only: gradient_choices
@@ -25,7 +27,11 @@ module calor_scene_reader
 
   !> Kinds of boundary condition
   type(choice_t), parameter :: boundary_choices(*) = [ &
-      choice_t('temperature', 'held at a temperature') &
+      choice_t('temperature', 'held at a temperature'), &
+      choice_t('flux', 'given a heat flux into the body'), &
+      choice_t('insulated', 'no heat passes'), &
+      choice_t('convection', 'heat flux in proportion to the temperature difference'), &
+      choice_t('radiation', 'heat radiated to and from its surroundings') &
       ]
 
   !> Fields that a run can write
@@ -46,6 +52,11 @@ module calor_scene_reader
   !> Keys of &domain that say where the body is
   character(len=*), parameter :: geometry_keys(*) = [character(len=13) :: 'x_range', 'y_range', &
       'centre', 'radius', 'inner_radius', 'vertices', 'hole_vertices', 'file']
+
+  !> Keys of &boundary that say what passes through a wall
+  character(len=*), parameter :: exchange_keys(*) = [character(len=22) :: 'flux', &
+      'flux_expression', 'coefficient', 'coefficient_expression', 'emissivity', &
+      'emissivity_expression', 'ambient', 'ambient_expression']
 
   !> A kernel that smooths over more spacings is a slip of the pen
   real(wp), parameter :: widest_support = 100.0_wp
@@ -88,11 +99,13 @@ contains
     type(scene_file_t), intent(in) :: file
     type(scene_t), intent(out) :: scene
     type(error_t), allocatable, intent(out) :: error
+    type(effect_slot_t), allocatable :: effects(:)
 
     call check_against_contract(file, error)
     if (allocated(error)) return
     scene%path = file%path
     scene%text = file%text
+    scene%file = file
     call read_header(file, scene, error)
     if (allocated(error)) return
     call read_domain(file, scene, error)
@@ -112,6 +125,9 @@ contains
     call read_operators(file, scene, error)
     if (allocated(error)) return
     call read_cost(file, scene, error)
+    if (allocated(error)) return
+    ! Read here to find what is wrong with them; a simulation reads its own.
+    call called_effects(file, effects, error)
   end subroutine interpret_file
 
   subroutine read_header(file, scene, error)
@@ -324,6 +340,13 @@ contains
         call get_choice(group, 'kind', boundary_choices, boundary%kind, error, &
                         default='temperature')
         if (allocated(error)) return
+        call optional_expression(group, 'where_expression', boundary%where_expression, error, &
+                                 in_space=.true.)
+        if (allocated(error)) return
+        boundary%value_expression = ''
+        if (boundary%kind /= 'temperature') cycle
+        call refuse_keys(group, exchange_keys, 'kind = ''temperature''', error)
+        if (allocated(error)) return
         call optional_expression(group, 'value_expression', boundary%value_expression, error)
         if (allocated(error)) return
         if (boundary%value_expression == '') call get(group, 'value', boundary%value, error)
@@ -344,6 +367,18 @@ contains
       time%place = place_of(group, '')
       ! A scene for `calor operators` needs no time; a run without it is refused later.
       if (file%count('time') == 0) return
+      call get(group, 'steady', time%steady, error, default=.false.)
+      if (allocated(error)) return
+      if (time%steady) then
+        time%place = place_of(group, 'steady')
+        call refuse_keys(group, [character(len=6) :: 'end', 'step', 'method'], &
+                         'steady = .true.', error)
+        if (allocated(error)) return
+        if (group%has('tolerance')) then
+          call get(group, 'tolerance', time%tolerance, error, positive=.true.)
+        end if
+        return
+      end if
       call get(group, 'end', time%end, error, positive=.true.)
       if (allocated(error)) return
       call get_choice(group, 'method', integrator_choices, time%method, error, default='auto')
@@ -393,6 +428,10 @@ contains
       if (file%count('output') == 0) return
       call get(group, 'file', output%file, error, not_blank=.true.)
       if (allocated(error)) return
+      if (scene%time%steady) then
+        call refuse_keys(group, ['every'], '&time steady = .true.', error)
+        if (allocated(error)) return
+      end if
       if (group%has('every')) call get(group, 'every', output%every, error, positive=.true.)
       if (allocated(error)) return
       call get_choices(group, 'fields', field_choices, output%fields, error, &
@@ -534,14 +573,24 @@ contains
   end function stem
 
   !> An expression, checked; '' if the group lacks it.
-  subroutine optional_expression(group, key, text, error)
+  subroutine optional_expression(group, key, text, error, in_space)
     type(group_t), intent(in) :: group
     character(len=*), intent(in) :: key
     character(len=:), allocatable, intent(out) :: text
     type(error_t), allocatable, intent(out) :: error
+    !> Whether it may depend on x and y only
+    logical, intent(in), optional :: in_space
+    type(expression_t) :: expression
 
     text = ''
-    if (group%has(key)) call required_expression(group, key, text, error)
+    if (.not. group%has(key)) return
+    call required_expression(group, key, text, error)
+    if (allocated(error) .or. .not. present(in_space)) return
+    call get_expression(group, key, expression, error)
+    if (allocated(error) .or. .not. in_space) return
+    if (expression%uses('t') .or. expression%uses('T')) then
+      call raise_at(error, group, key, 'it may depend on x and y only.')
+    end if
   end subroutine optional_expression
 
   subroutine required_expression(group, key, text, error)

@@ -3,29 +3,28 @@ module calor_simulation
   use calor_cloud, only: cloud_t
   use calor_conduction, only: conduction_t
   use calor_error_transport, only: error_transport_t
+  use calor_effect, only: effect_slot_t
   use calor_error, only: error_t, raise, status_bad_input, status_bad_numbers
   use calor_expression, only: expression_t, compile_expression
+  use calor_heat_budget, only: heat_budget_t, budget_entry_t
   use calor_integrators, only: make_integrator
   use calor_kernel, only: kernel_t
   use calor_kernels, only: make_kernel
-  use calor_kinds, only: wp, ip
-  use calor_laplacian_scheme, only: laplacian_scheme_t
-  use calor_laplacian_schemes, only: make_laplacian_scheme, usual_support
-  use calor_neighbour_list, only: neighbour_list_t, build_neighbour_list
+  use calor_kinds, only: wp
+  use calor_laplacian_schemes, only: usual_support
   use calor_rightmost_eigenvalue, only: rightmost_t, find_rightmost
-  use calor_row_quality, only: measure_rows
   use calor_row_report, only: row_report_t
   use calor_scene, only: scene_t
-  use calor_scene_cloud, only: make_scene_cloud, require_neighbours
+  use calor_scene_cloud, only: make_scene_cloud
+  use calor_scene_evolution, only: make_scene_evolution, scene_method, scene_rows_t
   use calor_scene_values, only: field_values
-  use calor_scene_walls, only: hold_walls
   use calor_simulation_file, only: simulation_file_t, check_target
   use calor_spectral_radius, only: estimate_spectral_radius
-  use calor_sufficient_rows, only: assemble_sufficient_laplacian
-  use calor_stable_rows, only: assemble_stable_rows, row_repairs_t, as_written, inexact_stencil
+  use calor_stable_rows, only: row_repairs_t, inexact_stencil
+  use calor_steady_state, only: find_steady_state
   use calor_stepper, only: stepper_t
   use calor_stopwatch, only: stopwatch_t
-  use calor_text, only: to_text
+  use calor_text, only: text_t, append_text, to_text
   implicit none (type, external)
   private
 
@@ -37,6 +36,8 @@ module calor_simulation
   real(wp), parameter :: most_euler_steps = 1.0e15_wp
   !> The error is estimated with a consistent scheme of this order at least
   integer, parameter :: lowest_reference_order = 3
+  !> An eigenvalue as small as this, as a part of the spectral radius, is 0
+  real(wp), parameter :: rounding = 1.0e-11_wp
   !> Error of one step, as a part of the range of given temperatures, where the scene gives none
   real(wp), parameter :: default_tolerance = 1.0e-6_wp
 
@@ -65,6 +66,8 @@ module calor_simulation
     type(stepper_t) :: stepper
     !> The longest step for which the chosen method is stable, s
     real(wp) :: stability_limit = 0.0_wp
+    !> Newton steps that the steady temperature took
+    integer :: newton_steps = 0
     !> About how many steps a run will take; 0: not predicted
     real(wp) :: predicted_steps = 0.0_wp
     !> The longest step after which no temperature can lie outside the range of those before, s; 0:
@@ -79,11 +82,16 @@ module calor_simulation
     type(stopwatch_t) :: stopwatch
     !> The true temperature, where the scene gives it
     type(expression_t) :: exact
+    !> How the heat budget is made up, and that of each state written
+    type(heat_budget_t) :: budget
+    type(budget_entry_t), allocatable :: entries(:)
   contains
     !> Make everything ready for the first step
     procedure :: prepare
     !> Step to the end and write what the scene asks for
     procedure :: run
+    !> Find the steady temperature
+    procedure :: settle
     !> Step to a time
     procedure :: advance_to
     !> Find out about how many steps a run will take, from its first ones
@@ -98,9 +106,11 @@ module calor_simulation
     procedure :: estimated_error
     !> Estimate of the largest error of a temperature, K
     procedure :: estimated_maximum_error
-    procedure, private :: assemble
     procedure, private :: prepare_estimate
     procedure, private :: start_temperature
+    procedure, private :: note_budget
+    !> What is in force, and why
+    procedure :: effects_in_force
     procedure, private :: count_neighbours
     procedure, private :: choose_steps
     procedure, private :: find_growth
@@ -128,17 +138,20 @@ module calor_simulation
 
 contains
 
-  subroutine prepare(this, scene, error, uncertified)
+  subroutine prepare(this, scene, error, further, uncertified)
     class(simulation_t), intent(out) :: this
     !> The scene
     type(scene_t), intent(in) :: scene
     !> The scene cannot be simulated
     type(error_t), allocatable, intent(out) :: error
+    !> Effects beside those that the scene calls for
+    type(effect_slot_t), intent(in), optional :: further(:)
     !> Leave out the search for unstable modes, as for a short run of which only figures are kept
     logical, intent(in), optional :: uncertified
     class(kernel_t), allocatable :: kernel
+    type(scene_rows_t) :: rows
 
-    if (.not. scene%time%end > 0) then
+    if (.not. (scene%time%end > 0 .or. scene%time%steady)) then
       call raise(error, status_bad_input, &
                  scene%path//' has no group &time: add &time end = ... /, '// &
                  'in seconds.')
@@ -159,18 +172,27 @@ contains
     call make_scene_cloud(scene, kernel, this%cloud, error)
     if (allocated(error)) return
     this%support_radius = scene%support*this%cloud%spacing
-    call hold_walls(scene, this%cloud, this%conduction%prescribed, error)
-    if (allocated(error)) return
     call this%start_temperature(error)
     if (allocated(error)) return
-    call this%assemble(kernel, error)
+    call make_scene_evolution(scene, this%cloud, scene_method(scene), this%temperature, &
+                              this%conduction, rows, error, this%stopwatch, further)
     if (allocated(error)) return
+    this%report = rows%report
+    this%repairs = rows%repairs
+    call move_alloc(rows%radius, this%radius)
+    call this%count_neighbours()
+    call this%budget%prepare(this%cloud, this%conduction)
+    allocate (this%entries(0))
+    if (scene%time%steady) then
+      call this%stopwatch%stop()
+      return
+    end if
     call this%stopwatch%start('step control')
     call this%choose_steps(error)
     if (allocated(error)) return
     if (scene%accuracy%estimate) then
       call this%stopwatch%start('error estimate')
-      call this%prepare_estimate(kernel, error)
+      call this%prepare_estimate(error, further)
       if (allocated(error)) return
     end if
     if (present(uncertified)) then
@@ -197,10 +219,11 @@ contains
 
     call this%certify(error)
     if (allocated(error)) return
-    call file%open(this%scene, this%cloud, error)
+    call file%open(this%scene, this%cloud, this%effects_in_force(), error)
     if (allocated(error)) return
     call this%write_row_fields(file)
     states = 1
+    if (this%scene%time%steady) states = 0
     if (this%scene%output%every > 0) then
       states = max(1, ceiling(this%scene%time%end/this%scene%output%every*(1 - 1.0e-12_wp)))
     end if
@@ -209,9 +232,13 @@ contains
         next = this%scene%time%end
         if (written < states) next = written*this%scene%output%every
         call this%advance_to(next, error)
+      else if (this%scene%time%steady) then
+        call this%settle(error)
+        if (allocated(error)) exit
       end if
       ! After a failure the state is the last good one: it is written too.
       call this%stopwatch%start('output')
+      call this%note_budget()
       if (allocated(this%estimate)) then
         call file%write_state(this%time, this%temperature, this%exact, file_error, &
                               this%estimate%error)
@@ -222,7 +249,12 @@ contains
       if (allocated(error) .or. allocated(file_error)) exit
       if (present(observer)) call observer%reached(this)
     end do
+    if (this%scene%time%steady .and. allocated(error)) then
+      call file%abandon()
+      return
+    end if
     if (.not. allocated(file_error)) then
+      call file%write_budget(this%budget, this%entries)
       if (this%knows_exact()) call file%note('relative_l2_error', this%relative_l2_error())
       if (allocated(this%estimate)) then
         call file%note('estimated_error', this%estimated_error())
@@ -285,6 +317,59 @@ contains
     field(place) = values
   end function unpacked
 
+  subroutine settle(this, error)
+    class(simulation_t), intent(inout) :: this
+    !> There is none, or it was not found
+    type(error_t), allocatable, intent(out) :: error
+    real(wp) :: tolerance
+
+    call this%stopwatch%start('steady state')
+    tolerance = default_tolerance
+    if (this%scene%time%tolerance > 0) tolerance = this%scene%time%tolerance
+    call find_steady_state(this%conduction, this%scene%time%place, &
+                           tolerance*this%conduction%temperature_scale(), this%temperature, &
+                           this%newton_steps, error)
+    if (allocated(error)) return
+    call this%budget%close_exactly(this%conduction)
+    call this%stopwatch%stop()
+  end subroutine settle
+
+  !> The heat budget of the present state
+  subroutine note_budget(this)
+    class(simulation_t), intent(inout) :: this
+    type(budget_entry_t), allocatable :: longer(:)
+    integer :: k, n
+
+    n = size(this%entries)
+    allocate (longer(n + 1))
+    do k = 1, n
+      longer(k) = this%entries(k)
+    end do
+    call this%budget%evaluate(this%conduction, this%time, this%temperature, longer(n + 1))
+    call move_alloc(longer, this%entries)
+  end subroutine note_budget
+
+  !> What is in force and why, one text for each: conduction, held walls and effects.
+  function effects_in_force(this) result(texts)
+    class(simulation_t), intent(in) :: this
+    type(text_t), allocatable :: texts(:)
+    integer :: k
+
+    call append_text(texts, 'conduction')
+    do k = 1, size(this%scene%boundaries)
+      associate (boundary => this%scene%boundaries(k))
+        if (boundary%kind /= 'temperature') cycle
+        call append_text(texts, 'temperature held on '''//boundary%on//'''')
+      end associate
+    end do
+    if (.not. allocated(this%conduction%effects)) return
+    do k = 1, size(this%conduction%effects)
+      associate (effect => this%conduction%effects(k)%effect)
+        call append_text(texts, trim(effect%name)//' ('//effect%reason//')')
+      end associate
+    end do
+  end function effects_in_force
+
   subroutine advance_to(this, time, error)
     class(simulation_t), intent(inout) :: this
     !> Time to reach, s
@@ -332,9 +417,9 @@ contains
     real(wp) :: deviation
     real(wp) :: norm
 
-    associate (volume => this%cloud%volume, e => this%estimate%error)
-      norm = sqrt(sum(volume*(this%temperature + e)**2))
-      deviation = sqrt(sum(volume*e**2))
+    associate (area => this%cloud%area, e => this%estimate%error)
+      norm = sqrt(sum(area*(this%temperature + e)**2))
+      deviation = sqrt(sum(area*e**2))
       if (norm > 0) deviation = deviation/norm
     end associate
   end function estimated_error
@@ -348,51 +433,36 @@ contains
 
   !> The same problem by a scheme of higher order, with which the error is carried along.
   !>
-  !> An operator that is exact up to an even degree d, or a low one, misses terms of odd degree,
-  !> which particles on opposite sides of one do not cancel: its error varies from particle to
-  !> particle, and the reference has to carry it. That is of order d + 1. Others, of an order p
-  !> even, carry their errors themselves; p + 1 is enough for the reference, as its solution has
-  !> order p + 2 on most clouds.
-  subroutine prepare_estimate(this, kernel, error)
+  !> On most clouds the solution of an odd order p has order p + 1, as that of p + 1 has: so the
+  !> reference is of order p + 1 where p is even and of p + 2 where it is odd.
+  subroutine prepare_estimate(this, error, further)
     class(simulation_t), intent(inout) :: this
-    class(kernel_t), intent(in) :: kernel
     type(error_t), allocatable, intent(out) :: error
-    class(laplacian_scheme_t), allocatable :: scheme
+    type(effect_slot_t), intent(in), optional :: further(:)
+    type(scene_t) :: scene
     type(conduction_t) :: reference
-    type(row_report_t) :: report
-    type(row_repairs_t) :: repairs
-    real(wp), allocatable :: radius(:)
-    real(wp) :: spectral_radius
-    integer :: order
-    logical :: rough
+    type(scene_rows_t) :: rows
+    real(wp), allocatable :: temperature(:)
 
-    call make_laplacian_scheme(this%scene%laplacian, scheme, error, this%scene%order)
+    scene = this%scene
+    scene%support_growth = .true.
+    scene%order = lowest_reference_order
+    if (scene%laplacian == 'consistent') then
+      scene%order = max(lowest_reference_order, &
+                        this%scene%order + 1 + mod(this%scene%order, 2))
+    end if
+    scene%laplacian = 'consistent'
+    scene%support = usual_support('consistent', scene%order)
+    temperature = this%temperature
+    call make_scene_evolution(scene, this%cloud, scene_method(scene), temperature, reference, &
+                              rows, error, further=further)
     if (allocated(error)) return
-    rough = scheme%exact_degree() <= 2 .or. mod(scheme%exact_degree(), 2) == 0
-    order = scheme%exact_degree()
-    if (rough) order = max(lowest_reference_order, order + 1)
-    call make_laplacian_scheme('consistent', scheme, error, order)
-    if (allocated(error)) return
-    allocate (radius(this%cloud%particles()), &
-              source=usual_support('consistent', order)*this%cloud%spacing)
-    reference = this%conduction
-    associate (cloud => this%cloud, free => this%conduction%laplacian%target)
-      if (rough) then
-        call assemble_stable_rows(scheme, kernel, cloud%x, cloud%y, cloud%volume, radius, free, &
-                                  reference%laplacian, report, repairs)
-        spectral_radius = reference%spectral_bound()
-      else
-        call assemble_sufficient_laplacian(scheme, kernel, cloud%x, cloud%y, cloud%volume, radius, &
-                                           free, reference%laplacian, report)
-        spectral_radius = this%stepper%spectral_radius
-      end if
-    end associate
     allocate (this%estimate)
     call this%estimate%begin(this%conduction, reference, this%time, this%temperature, &
-                             spectral_radius, carried_by_reference=rough)
+                             reference%spectral_bound())
   end subroutine prepare_estimate
 
-  !> The temperature at the start, walls included, and the true temperature if it is known.
+  !> The temperature at the start, but for held walls, and the true temperature if it is known.
   subroutine start_temperature(this, error)
     class(simulation_t), intent(inout) :: this
     type(error_t), allocatable, intent(out) :: error
@@ -411,51 +481,8 @@ contains
         call field_values(scene%exact_expression, scene%path//': &scene', cloud, exact, error)
         if (allocated(error)) return
       end if
-      call this%conduction%note_range(this%temperature)
-      this%conduction%x = cloud%x
-      this%conduction%y = cloud%y
-      this%conduction%user_index = cloud%user_index
-      call this%conduction%impose(0.0_wp, this%temperature)
     end associate
   end subroutine start_temperature
-
-  !> The Laplacian's rows at all particles that are not held.
-  subroutine assemble(this, kernel, error)
-    class(simulation_t), intent(inout) :: this
-    class(kernel_t), intent(in) :: kernel
-    type(error_t), allocatable, intent(out) :: error
-    class(laplacian_scheme_t), allocatable :: scheme
-    type(neighbour_list_t) :: list
-    integer(ip), allocatable :: free(:)
-    integer :: k
-
-    call make_laplacian_scheme(this%scene%laplacian, scheme, error, this%scene%order)
-    if (allocated(error)) return
-    free = pack([(int(k, ip), k=1, this%cloud%particles())], this%cloud%side == 0)
-    allocate (this%radius(this%cloud%particles()), source=this%support_radius)
-    associate (cloud => this%cloud, laplacian => this%conduction%laplacian)
-      if (this%scene%support_growth) then
-        call this%stopwatch%start('assembly')
-        call assemble_stable_rows(scheme, kernel, cloud%x, cloud%y, cloud%volume, this%radius, &
-                                  free, laplacian, this%report, this%repairs)
-      else
-        call this%stopwatch%start('neighbours')
-        call build_neighbour_list(cloud%x, cloud%y, this%radius(free), list, free)
-        call require_neighbours(this%scene, cloud, list, error)
-        if (allocated(error)) return
-        call this%stopwatch%start('assembly')
-        call scheme%assemble(kernel, cloud%x, cloud%y, cloud%volume, this%radius, list, laplacian, &
-                             this%report)
-        call measure_rows(laplacian, cloud%x, cloud%y, this%radius, scheme%exact_degree(), &
-                          this%repairs%quality)
-        allocate (this%repairs%repair(size(free)), source=as_written)
-      end if
-    end associate
-    call this%count_neighbours()
-    associate (material => this%scene%material)
-      this%conduction%diffusivity = material%conductivity/(material%density*material%heat_capacity)
-    end associate
-  end subroutine assemble
 
   !> Note how many neighbours the rows have.
   subroutine count_neighbours(this)
@@ -493,6 +520,7 @@ contains
     real(wp) :: time
 
     associate (end_time => this%scene%time%end)
+      if (this%scene%time%steady) return
       this%predicted_steps = end_time/this%stepper%longest_step
       if (.not. this%stepper%tolerance > 0) return
       this%predicted_steps = 0
@@ -547,16 +575,24 @@ contains
     end if
   end subroutine certify
 
-  !> Find the rightmost eigenvalue; where no weight is negative there is none beyond zero.
+  !> Find the rightmost eigenvalue of conduction; where no weight is negative there is none beyond
+  !> zero. What effects let grow, as a reaction does, grows in truth: it is left out.
   subroutine find_growth(this)
     class(simulation_t), intent(inout) :: this
+    real(wp), allocatable :: slope(:)
 
+    call move_alloc(this%conduction%slope, slope)
     if (this%conduction%laplacian%gershgorin_right_end() > 0) then
       call find_rightmost(this%conduction, this%stepper%spectral_radius, this%rightmost)
     else
       this%rightmost%converged = .true.
       this%rightmost%method = 'no weight is negative'
     end if
+    call move_alloc(slope, this%conduction%slope)
+    ! Where no wall is held, a uniform temperature stays: an eigenvalue 0, found with rounding.
+    associate (rate => this%rightmost%growth_rate)
+      if (rate > 0 .and. rate <= rounding*this%stepper%spectral_radius) rate = 0
+    end associate
     if (this%rightmost%growth_rate > 0) then
       this%conduction%suspicion = 'The scheme '//this%scene%laplacian// &
                                   ' is unstable on this cloud: before the run an eigenvalue '// &
@@ -615,8 +651,7 @@ contains
         stepper%longest_step = time%step
       else if (stepper%integrator%estimates_error()) then
         stepper%longest_step = this%stability_limit
-        scale = this%conduction%highest - this%conduction%lowest
-        if (.not. scale > 0) scale = max(abs(this%conduction%highest), 1.0_wp)
+        scale = this%conduction%temperature_scale()
         stepper%tolerance = default_tolerance*scale
         if (time%tolerance > 0) stepper%tolerance = time%tolerance*scale
         call stepper%propose_first(this%conduction, 0.0_wp, this%temperature)

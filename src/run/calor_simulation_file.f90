@@ -5,11 +5,12 @@ module calor_simulation_file
   use calor_expression, only: expression_t
   use calor_field_file, only: field_file_t, check_place
   use calor_file_system, only: resolved_path
+  use calor_heat_budget, only: heat_budget_t, budget_entry_t
   use calor_kinds, only: wp
   use calor_scene, only: scene_t
   use calor_scene_cloud, only: beside_scene
   use calor_stopwatch, only: phase_t
-  use calor_text, only: text_t, text_list
+  use calor_text, only: text_t
   use calor_version, only: version
   implicit none (type, external)
   private
@@ -37,6 +38,8 @@ module calor_simulation_file
     procedure :: write_state
     !> Note a figure about the run
     procedure :: note
+    !> Write the heat budget of all states
+    procedure :: write_budget
     !> Note the wall times and close
     procedure :: close => close_file
     !> Close after an error of the file itself
@@ -45,12 +48,14 @@ module calor_simulation_file
 
 contains
 
-  subroutine open_file(this, scene, cloud, error)
+  subroutine open_file(this, scene, cloud, effects, error)
     class(simulation_file_t), intent(inout) :: this
     !> The scene
     type(scene_t), intent(in) :: scene
     !> Its particles
     type(cloud_t), intent(in) :: cloud
+    !> What is in force, and why
+    type(text_t), intent(in) :: effects(:)
     !> The file cannot be made
     type(error_t), allocatable, intent(out) :: error
     integer :: k
@@ -69,7 +74,7 @@ contains
       call this%file%discard()
       return
     end if
-    call this%file%set_attribute('effects', text_list(['conduction']), error)
+    call this%file%set_attribute('effects', effects, error)
     if (allocated(error)) call this%file%discard()
   end subroutine open_file
 
@@ -216,6 +221,37 @@ contains
     if (.not. this%in_use .or. allocated(this%pending)) return
     call this%file%set_attribute(name, value, this%pending)
   end subroutine note
+
+  !> One data set for each account, of one number for each state.
+  subroutine write_budget(this, budget, entries)
+    class(simulation_file_t), intent(inout) :: this
+    !> How the budget is made up
+    type(heat_budget_t), intent(in) :: budget
+    !> The budgets, one a state
+    type(budget_entry_t), intent(in) :: entries(:)
+    integer :: k, j
+
+    call write_numbers('budget_time', entries%time)
+    call write_numbers('budget_stored', entries%stored)
+    if (.not. budget%available) return
+    call write_numbers('budget_stored_rate', entries%stored_rate)
+    do k = 1, size(budget%account)
+      call write_numbers('budget_'//budget%account(k)%value, &
+                         [(entries(j)%power(k), j=1, size(entries))])
+    end do
+    call write_numbers('budget_imbalance', entries%imbalance)
+
+  contains
+
+    subroutine write_numbers(name, numbers)
+      character(len=*), intent(in) :: name
+      real(wp), intent(in) :: numbers(:)
+
+      if (.not. this%in_use .or. allocated(this%pending)) return
+      call this%file%write_series(name, numbers, this%pending)
+    end subroutine write_numbers
+
+  end subroutine write_budget
 
   subroutine close_file(this, phases, error)
     class(simulation_file_t), intent(inout) :: this

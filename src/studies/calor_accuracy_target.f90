@@ -158,8 +158,8 @@ contains
     do full_run = 1, most_runs
       call this%foresee(scene, next, foreseen)
       if (next%method == 0) then
-        call this%give_up('No run has particles nearer than a sixteenth of &domain spacing: lower '// &
-                          'that, or raise &accuracy target.', error)
+        call this%give_up('No run has particles nearer than a sixteenth of &domain spacing: '// &
+                          'lower that, or raise &accuracy target.', error)
         return
       end if
       next%pilot = .false.

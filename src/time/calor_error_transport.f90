@@ -1,16 +1,15 @@
 !> The error of a computed solution, carried along beside it.
 !>
 !> Let u_t = F(u) be what is integrated, and F_p a discretisation of the same problem of higher
-!> order. The true solution U then obeys U_t = F_p(U) but for what F_p itself misses, and the error
-!> e = U - u
+!> order, stable as well. The true solution U then obeys U_t = F_p(U) but for what F_p itself
+!> misses, and the error e = U - u
 !>
-!>     e_t = F'(u) e + τ,   τ = F_p(u) - F(u),
+!>     e_t = F_p'(u) e + τ,   τ = F_p(u) - F(u),
 !>
-!> to first order in e, or just as well e_t = F_p'(u) e + τ. The former needs no more of F_p than to
-!> evaluate it, and is right where e is smooth. Schemes whose error varies from particle to particle
-!> need the latter, and an F_p that is stable: F and F_p differ on such an e by as much as e has
-!> to decay. Each step of the integrator adds its own estimated error. So e holds the
-!> errors of space and of time, each where it has been carried and damped to, and u + e is a better
+!> to first order in e. (F' instead of F_p' would do where e is smooth; but schemes of low degree
+!> make errors that vary from particle to particle, and F and F_p differ on these by as much as they
+!> have to decay.) Each step of the integrator adds its own estimated error. So e holds the errors
+!> of space and of time, each where it has been carried and damped to, and u + e is a better
 !> solution than u.
 !>
 !> e varies as slowly as the solution does, not as its steps are short: it is advanced over
@@ -36,9 +35,9 @@ module calor_error_transport
   !> Integrating e may add errors of this part of it in each step
   real(wp), parameter :: relative_tolerance = 3.0e-3_wp
 
-  !> e_t = F'(u) e + start + (t - t_0) slope, with F' of one or the other
+  !> e_t = F_p'(u) e + start + (t - t_0) slope
   type, extends(evolution_t) :: linear_evolution_t
-    !> Supplies F'
+    !> Supplies F_p'
     class(evolution_t), pointer :: base => null()
     real(wp) :: time = 0.0_wp
     real(wp), allocatable :: start(:), slope(:)
@@ -54,13 +53,11 @@ module calor_error_transport
   type, extends(step_watcher_t) :: error_transport_t
     !> The same problem, discretised with a higher order
     class(evolution_t), allocatable :: reference
-    !> Whether the reference's own F_p' carries the error
-    logical :: carried_by_reference = .false.
     !> e at `time`: the true solution less the computed one
     real(wp), allocatable :: error(:)
     !> The time that e belongs to, s; catch_up makes it that of the solution
     real(wp) :: time = 0.0_wp
-    !> Evaluations of F' and F_p so far
+    !> Evaluations of F_p and F_p' so far
     integer :: evaluations = 0
     !> What all this took
     type(stopwatch_t) :: stopwatch
@@ -81,7 +78,7 @@ module calor_error_transport
 
 contains
 
-  subroutine begin(this, evolution, reference, time, u, spectral_radius, carried_by_reference)
+  subroutine begin(this, evolution, reference, time, u, spectral_radius)
     class(error_transport_t), intent(out) :: this
     !> What will be integrated
     class(evolution_t), intent(inout) :: evolution
@@ -89,14 +86,11 @@ contains
     class(evolution_t), intent(in) :: reference
     !> Time, s, and state; its error is 0
     real(wp), intent(in) :: time, u(:)
-    !> Spectral radius of the F' that carries the error, 1/s
+    !> Spectral radius of F_p', 1/s, on the safe side
     real(wp), intent(in) :: spectral_radius
-    !> Whether that is the reference's
-    logical, intent(in) :: carried_by_reference
 
     call this%stopwatch%start('error estimate')
     allocate (this%reference, source=reference)
-    this%carried_by_reference = carried_by_reference
     allocate (this%error(size(u)), this%step_errors(size(u)), source=0.0_wp)
     allocate (this%defect(size(u)), this%transport%start(size(u)), this%transport%slope(size(u)))
     this%time = time
@@ -149,8 +143,7 @@ contains
     end do
     !$omp end parallel do
     size_of_defect = root_mean_square(this%defect)
-    this%transport%base => evolution
-    if (this%carried_by_reference) this%transport%base => this%reference
+    this%transport%base => this%reference
     this%transport%time = this%time
     this%stepper%tolerance = relative_tolerance*max(root_mean_square(this%error), &
                                                     size_of_defect*interval, tiny(1.0_wp))

@@ -1,0 +1,244 @@
+!> Where heat comes from and where it stays: stored energy, heat through each wall, sources.
+!>
+!> Every particle, a held one too, has a row ρc ∂T/∂t = κ Σ a_ij (T_j - T_i) + Σ b q + s. At a held
+!> particle it tells the flux q that holding it takes. Summed with weights w for the particles'
+!> areas, d/dt Σ w ρc T = Σ w b q + Σ w s + κ Σ w (a T); the last term is what is missing. With
+!> the areas of particles it is of the order of the scheme; with weights for which Σ w_i a_ij = 0,
+!> the left null vector of the operator of a body insulated all around, there is none: then the
+!> budget closes but for rounding, however coarse the cloud.
+module calor_heat_budget
+  use calor_cloud, only: cloud_t
+  use calor_conduction, only: conduction_t
+  use calor_kinds, only: wp
+  use calor_medium, only: medium_t
+  use calor_sparse_operator, only: sparse_operator_t
+  use calor_text, only: text_t, append_text
+  use calor_umfpack, only: factorisation_t
+  implicit none (type, external)
+  private
+
+  public :: heat_budget_t, budget_entry_t
+
+  !> The heat budget of one state
+  type :: budget_entry_t
+    !> Time, s
+    real(wp) :: time = 0.0_wp
+    !> Σ ρ c T, J per metre depth, and its rate, W per metre depth
+    real(wp) :: stored = 0.0_wp, stored_rate = 0.0_wp
+    !> Heat into the body by each account, W per metre depth
+    real(wp), allocatable :: power(:)
+    !> What the rate exceeds the sum of all powers by, as a part of all that flows: in and out, or
+    !> between the particles
+    real(wp) :: imbalance = 0.0_wp
+  end type budget_entry_t
+
+  !> How the budget of a scene is made up
+  type :: heat_budget_t
+    !> Whether walls have normals, so that what passes them is known
+    logical :: available = .false.
+    !> Whether the weights are those that make it close
+    logical :: conservative = .false.
+    !> Names of accounts: walls first, then effects within the body
+    type(text_t), allocatable :: account(:)
+    !> The particles' weights, m²
+    real(wp), allocatable, private :: weight(:)
+    !> The account of each of the cloud's boundaries; 0 for one that consists of others
+    integer, allocatable, private :: wall_account(:)
+  contains
+    !> Prepare the budget of a scene
+    procedure :: prepare
+    !> Find the weights that make it close
+    procedure :: close_exactly
+    !> The budget of a state
+    procedure :: evaluate
+  end type heat_budget_t
+
+contains
+
+  !> The accounts, and areas for weights.
+  subroutine prepare(this, cloud, conduction)
+    class(heat_budget_t), intent(out) :: this
+    !> The cloud
+    type(cloud_t), intent(in) :: cloud
+    !> The heat equation on it
+    type(conduction_t), intent(in) :: conduction
+    character(len=:), allocatable :: name
+    integer :: k
+
+    this%available = allocated(conduction%medium%contacts%normal)
+    this%weight = cloud%area
+    do k = 1, size(cloud%boundary)
+      if (.not. any(conduction%medium%contacts%side == k - 1)) cycle
+      call append_text(this%account, cloud%boundary(k)%value)
+    end do
+    this%wall_account = [(place_of(this%account, cloud%boundary(k)%value), k=1, &
+                          size(cloud%boundary))]
+    if (.not. allocated(conduction%effects)) return
+    do k = 1, size(conduction%effects)
+      name = conduction%effects(k)%effect%account()
+      if (name == '' .or. place_of(this%account, name) > 0) cycle
+      call append_text(this%account, name)
+    end do
+  end subroutine prepare
+
+  !> The place of a name in a list, 0 where it is not in it
+  pure function place_of(list, name) result(place)
+    type(text_t), intent(in) :: list(:)
+    character(len=*), intent(in) :: name
+    integer :: place
+
+    do place = size(list), 1, -1
+      if (list(place)%value == name) return
+    end do
+  end function place_of
+
+  !> Take for weights the left null vector of the operator with all walls insulated, scaled to the
+  !> area of the body. Where the matrix cannot be factorised, areas stay the weights.
+  !>
+  !> The matrix is bordered: [L 1; aᵀ 0]ᵀ [w; μ] = [0; Σ a] has Lᵀ w = 0, for L 1 = 0 makes μ = 0.
+  subroutine close_exactly(this, conduction)
+    class(heat_budget_t), intent(inout) :: this
+    !> The heat equation
+    type(conduction_t), intent(in) :: conduction
+    type(factorisation_t) :: factors
+    integer, allocatable :: first(:), index(:)
+    real(wp), allocatable :: value(:), right_side(:), solution(:)
+    real(wp) :: area, scale
+    integer, allocatable :: owner(:)
+    integer :: n, k, row, used
+    logical :: done
+
+    if (.not. this%available) return
+    n = size(this%weight)
+    area = sum(this%weight)
+    scale = area/n
+    associate (inner => conduction%laplacian, held => conduction%held_rows)
+      ! Where each particle's row is: negative in the rows of held ones
+      allocate (owner(n), source=0)
+      owner(inner%target) = [(k, k=1, inner%rows())]
+      owner(held%target) = [(-k, k=1, held%rows())]
+      if (any(owner == 0)) return
+      allocate (first(n + 2))
+      allocate (index(size(inner%index) + size(held%index) + 3*n), mold=0)
+      allocate (value(size(index)))
+    end associate
+    used = 0
+    do row = 1, n
+      first(row) = used + 1
+      if (owner(row) > 0) then
+        call add_row(conduction%laplacian, owner(row))
+      else
+        call add_row(conduction%held_rows, -owner(row))
+      end if
+      used = used + 1
+      index(used) = n + 1
+      value(used) = 1
+    end do
+    first(n + 1) = used + 1
+    index(used + 1:used + n) = [(k, k=1, n)]
+    value(used + 1:used + n) = this%weight/scale
+    first(n + 2) = used + n + 1
+    call factors%factorise(first, index(:used + n), value(:used + n), done)
+    if (.not. done) return
+    allocate (right_side(n + 1), solution(n + 1))
+    right_side = 0
+    right_side(n + 1) = area
+    call factors%solve(right_side, solution, .true., done)
+    call factors%release()
+    if (.not. done) return
+    this%weight = solution(:n)
+    this%conservative = .true.
+
+  contains
+
+    subroutine add_row(operator, which)
+      type(sparse_operator_t), intent(in) :: operator
+      integer, intent(in) :: which
+      integer :: from, to
+
+      from = int(operator%first(which))
+      to = int(operator%first(which + 1)) - 1
+      index(used + 1:used + to - from + 1) = operator%index(from:to)
+      value(used + 1:used + to - from + 1) = scale*operator%weight(from:to)
+      used = used + to - from + 2
+      index(used) = operator%target(which)
+      value(used) = scale*operator%diagonal(which)
+    end subroutine add_row
+
+  end subroutine close_exactly
+
+  !> The budget of a state.
+  subroutine evaluate(this, conduction, time, temperature, entry)
+    class(heat_budget_t), intent(in) :: this
+    !> The heat equation
+    type(conduction_t), intent(inout) :: conduction
+    !> Time, s, and state
+    real(wp), intent(in) :: time
+    real(wp), intent(in) :: temperature(:)
+    !> The budget
+    type(budget_entry_t), intent(out) :: entry
+    real(wp), allocatable :: rate(:), power(:), flux(:), share(:), missing(:), held(:)
+    character(len=:), allocatable :: name
+    integer :: k, account
+
+    associate (medium => conduction%medium, contacts => conduction%medium%contacts)
+      entry%time = time
+      entry%stored = medium%capacity*sum(this%weight*temperature)
+      allocate (entry%power(size(this%account)), source=0.0_wp)
+      if (.not. this%available) return
+
+      allocate (rate(size(temperature)), power(size(temperature)))
+      allocate (flux(size(contacts%particle)), source=0.0_wp)
+      call conduction%rate(time, temperature, rate)
+      call conduction%add_held_rates(time, rate)
+      entry%stored_rate = medium%capacity*sum(this%weight*rate)
+
+      ! What effects bring: within the body their power, through walls a flux at each contact
+      allocate (missing(size(temperature)), source=0.0_wp)
+      if (allocated(conduction%effects)) then
+        missing = conduction%power
+        do k = 1, size(conduction%effects)
+          associate (effect => conduction%effects(k)%effect)
+            call effect%put_flux(flux)
+            name = effect%account()
+            account = place_of(this%account, name)
+            if (account == 0) cycle
+            power = 0
+            call effect%add_power(medium, time, temperature, power)
+            entry%power(account) = entry%power(account) + sum(this%weight*power)
+          end associate
+        end do
+      end if
+      ! What holding takes: the flux that the row of a held particle lacks
+      missing = medium%capacity*rate - missing
+      allocate (held(conduction%held_rows%rows()))
+      call conduction%held_rows%apply(temperature, held)
+      allocate (share(size(temperature)), source=0.0_wp)
+      do k = 1, size(contacts%particle)
+        if (contacts%holding(k)) share(contacts%particle(k)) = share(contacts%particle(k)) + &
+                                                            contacts%weight(k)
+      end do
+      do k = 1, size(held)
+        associate (i => conduction%held_rows%target(k))
+          missing(i) = missing(i) - medium%conductivity*held(k)
+          if (share(i) > 0) missing(i) = missing(i)/share(i)
+        end associate
+      end do
+      do k = 1, size(contacts%particle)
+        associate (i => contacts%particle(k), account => this%wall_account(contacts%side(k) + 1))
+          if (contacts%holding(k)) flux(k) = missing(i)
+          if (this%conservative) then
+            entry%power(account) = entry%power(account) + this%weight(i)*contacts%weight(k)*flux(k)
+          else
+            entry%power(account) = entry%power(account) + contacts%length(k)*flux(k)
+          end if
+        end associate
+      end do
+      entry%imbalance = entry%stored_rate - sum(entry%power)
+      associate (all => max(medium%capacity*sum(abs(this%weight*rate)), sum(abs(entry%power))))
+        if (all > 0) entry%imbalance = entry%imbalance/all
+      end associate
+    end associate
+  end subroutine evaluate
+
+end module calor_heat_budget

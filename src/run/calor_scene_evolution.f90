@@ -1,0 +1,243 @@
+!> From a scene and its cloud to the heat equation on it, for any scheme.
+!>
+!> The same scene may be made into evolutions of several schemes side by side.
+module calor_scene_evolution
+  use calor_cloud, only: cloud_t
+  use calor_conduction, only: conduction_t
+  use calor_effect, only: effect_slot_t
+  use calor_effects, only: called_effects, enter
+  use calor_error, only: error_t, raise, status_bad_input
+  use calor_kernel, only: kernel_t
+  use calor_kernels, only: make_kernel
+  use calor_kinds, only: wp, ip
+  use calor_laplacian_scheme, only: laplacian_scheme_t
+  use calor_laplacian_schemes, only: make_laplacian_scheme
+  use calor_medium, only: medium_t
+  use calor_neighbour_list, only: neighbour_list_t, build_neighbour_list
+  use calor_row_quality, only: measure_rows
+  use calor_row_report, only: row_report_t
+  use calor_scene, only: scene_t
+  use calor_scene_cloud, only: require_neighbours
+  use calor_scene_walls, only: find_contacts, hold_walls
+  use calor_stable_rows, only: assemble_stable_rows, row_repairs_t, as_written
+  use calor_stopwatch, only: stopwatch_t
+  use calor_wall_rows, only: assemble_wall_rows, wall_rows_t
+  implicit none (type, external)
+  private
+
+  public :: make_scene_evolution, method_t, scene_method, scene_rows_t
+
+  !> How derivatives are approximated
+  type :: method_t
+    !> Name of the Laplacian scheme, and its order if it has several
+    character(len=:), allocatable :: laplacian
+    integer :: order = 0
+    !> Support radius in spacings
+    real(wp) :: support = 0.0_wp
+  end type method_t
+
+  !> What is known of an evolution's rows, in the order of the Laplacian's targets
+  type :: scene_rows_t
+    !> Condition of the renormalization tensors
+    type(row_report_t) :: report
+    !> Quality of the rows, and what was repaired
+    type(row_repairs_t) :: repairs
+    !> Support radius of each particle, m
+    real(wp), allocatable :: radius(:)
+  end type scene_rows_t
+
+contains
+
+  !> The method that a scene asks for.
+  pure function scene_method(scene) result(method)
+    !> The scene
+    type(scene_t), intent(in) :: scene
+    type(method_t) :: method
+
+    method%laplacian = scene%laplacian
+    method%order = scene%order
+    method%support = scene%support
+  end function scene_method
+
+  !> Make the heat equation of a scene: held walls, effects, and the rows of the Laplacian.
+  subroutine make_scene_evolution(scene, cloud, method, temperature, conduction, rows, error, &
+                                  stopwatch, further)
+    !> The scene
+    type(scene_t), intent(in) :: scene
+    !> Its cloud
+    type(cloud_t), intent(in) :: cloud
+    !> The Laplacian to use
+    type(method_t), intent(in) :: method
+    !> The temperatures at the start; those of held particles are set
+    real(wp), intent(inout) :: temperature(:)
+    !> The heat equation on the cloud
+    type(conduction_t), intent(out) :: conduction
+    !> What is known of its rows
+    type(scene_rows_t), intent(out) :: rows
+    !> The scene cannot be simulated
+    type(error_t), allocatable, intent(out) :: error
+    !> Is told which phase of the work runs
+    type(stopwatch_t), intent(inout), optional :: stopwatch
+    !> Effects beside those that the scene calls for; copied
+    type(effect_slot_t), intent(in), optional :: further(:)
+    class(kernel_t), allocatable :: kernel
+    type(effect_slot_t), allocatable :: effects(:)
+    integer :: k
+
+    call describe_medium(scene, cloud, conduction%medium)
+    call find_contacts(scene, cloud, conduction%medium%contacts, error)
+    if (allocated(error)) return
+    call hold_walls(scene, cloud, conduction%medium%contacts, conduction%prescribed, error)
+    if (allocated(error)) return
+    conduction%x = cloud%x
+    conduction%y = cloud%y
+    conduction%user_index = cloud%user_index
+    associate (material => scene%material)
+      conduction%diffusivity = material%conductivity/(material%density*material%heat_capacity)
+    end associate
+    call conduction%note_range(temperature)
+    call conduction%impose(0.0_wp, temperature)
+    call make_kernel(scene%kernel, kernel, error)
+    if (allocated(error)) return
+    call assemble(scene, cloud, method, kernel, conduction, rows, error, stopwatch)
+    if (allocated(error)) return
+
+    call called_effects(scene%file, effects, error)
+    if (allocated(error)) return
+    if (present(further)) then
+      do k = 1, size(further)
+        call enter(effects, further(k)%effect)
+      end do
+    end if
+    if (.not. allocated(effects)) return
+    call conduction%put_in_force(effects, temperature, error)
+  end subroutine make_scene_evolution
+
+  !> What effects get to see.
+  subroutine describe_medium(scene, cloud, medium)
+    type(scene_t), intent(in) :: scene
+    type(cloud_t), intent(in) :: cloud
+    type(medium_t), intent(out) :: medium
+
+    medium%x = cloud%x
+    medium%y = cloud%y
+    medium%area = cloud%area
+    medium%capacity = scene%material%density*scene%material%heat_capacity
+    medium%conductivity = scene%material%conductivity
+    medium%duration = scene%time%end
+  end subroutine describe_medium
+
+  !> The Laplacian's rows at all particles that are not held.
+  subroutine assemble(scene, cloud, method, kernel, conduction, rows, error, stopwatch)
+    type(scene_t), intent(in) :: scene
+    type(cloud_t), intent(in) :: cloud
+    type(method_t), intent(in) :: method
+    class(kernel_t), intent(in) :: kernel
+    type(conduction_t), intent(inout) :: conduction
+    type(scene_rows_t), intent(inout) :: rows
+    type(error_t), allocatable, intent(out) :: error
+    type(stopwatch_t), intent(inout), optional :: stopwatch
+    class(laplacian_scheme_t), allocatable :: scheme
+    type(neighbour_list_t) :: list
+    integer(ip), allocatable :: free(:)
+    integer :: k
+
+    call make_laplacian_scheme(method%laplacian, scheme, error, method%order)
+    if (allocated(error)) return
+    free = pack([(int(k, ip), k=1, cloud%particles())], cloud%side == 0)
+    allocate (rows%radius(cloud%particles()), source=method%support*cloud%spacing)
+    associate (laplacian => conduction%laplacian)
+      if (scene%support_growth) then
+        if (present(stopwatch)) call stopwatch%start('assembly')
+        call assemble_stable_rows(scheme, kernel, cloud%x, cloud%y, cloud%volume, rows%radius, &
+                                  free, laplacian, rows%report, rows%repairs)
+      else
+        if (present(stopwatch)) call stopwatch%start('neighbours')
+        call build_neighbour_list(cloud%x, cloud%y, rows%radius(free), list, free)
+        call require_neighbours(scene, cloud, list, error)
+        if (allocated(error)) return
+        if (present(stopwatch)) call stopwatch%start('assembly')
+        call scheme%assemble(kernel, cloud%x, cloud%y, cloud%volume, rows%radius, list, laplacian, &
+                             rows%report)
+        call measure_rows(laplacian, cloud%x, cloud%y, rows%radius, scheme%exact_degree(), &
+                          rows%repairs%quality)
+        allocate (rows%repairs%repair(size(free)), source=as_written)
+      end if
+    end associate
+    call add_wall_rows(scheme)
+
+  contains
+
+    !> Rows at particles on walls: those that are not held come after those of particles inside;
+    !> those that are held serve the heat budget only.
+    subroutine add_wall_rows(scheme)
+      class(laplacian_scheme_t), intent(in) :: scheme
+      type(wall_rows_t) :: walls
+      real(wp), allocatable :: open(:), aside(:)
+      integer :: j
+
+      associate (contacts => conduction%medium%contacts)
+        allocate (open(cloud%particles()), source=1.0_wp)
+        call conduction%clear_prescribed(open)
+        contacts%held = open(contacts%particle) < 0.5_wp
+        if (.not. allocated(contacts%normal)) then
+          if (all(contacts%held)) return
+          call raise(error, status_bad_input, scene%path//': the walls of a cloud from a file '// &
+                     'have no normals, so only temperatures can be given there: take kind = '// &
+                     '''temperature'' in every &boundary.')
+          return
+        end if
+        aside = rows%radius
+        call rows_at(pack([(j, j=1, size(contacts%held))], contacts%held), scheme, aside, walls)
+        conduction%held_rows = walls%laplacian
+        call rows_at(pack([(j, j=1, size(contacts%held))], .not. contacts%held), scheme, &
+                     rows%radius, walls)
+        if (walls%laplacian%rows() == 0) return
+        call conduction%laplacian%append(walls%laplacian)
+        rows%repairs%repair = [rows%repairs%repair, walls%repair]
+        call rows%repairs%quality%append(walls%quality)
+        call rows%report%append(walls%report)
+      end associate
+    end subroutine add_wall_rows
+
+    !> Rows at the particles of some contacts, whose weights are set.
+    subroutine rows_at(chosen, scheme, radius, walls)
+      integer, intent(in) :: chosen(:)
+      class(laplacian_scheme_t), intent(in) :: scheme
+      real(wp), intent(inout) :: radius(:)
+      type(wall_rows_t), intent(out) :: walls
+      integer, allocatable :: first(:)
+      integer(ip), allocatable :: particles(:)
+      logical, allocatable :: begins(:)
+      integer :: j
+
+      associate (contacts => conduction%medium%contacts)
+        ! The contacts of a particle stand together.
+        allocate (begins(size(chosen)), source=.true.)
+        do j = 2, size(chosen)
+          begins(j) = contacts%particle(chosen(j)) /= contacts%particle(chosen(j - 1))
+        end do
+        first = pack([(j, j=1, size(chosen))], begins)
+        particles = contacts%particle(chosen(first))
+        first = [first, size(chosen) + 1]
+        call assemble_wall_rows(wall_degree(scheme), scheme%rule(), kernel, cloud%x, cloud%y, &
+                                cloud%volume, radius, particles, first, &
+                                contacts%normal(:, chosen), walls)
+        contacts%weight(chosen) = walls%slope_weight
+      end associate
+    end subroutine rows_at
+
+  end subroutine assemble
+
+  !> The degree of polynomials that rows at walls reproduce. A row there counts for a wall only, not
+  !> for an area, so that what it misses enters the solution with one power of the spacing more
+  !> than what rows inside miss: degree p is enough for order p.
+  pure function wall_degree(scheme) result(degree)
+    class(laplacian_scheme_t), intent(in) :: scheme
+    integer :: degree
+
+    degree = max(2, scheme%exact_degree() - 1)
+    if (scheme%exact_degree() <= 2) degree = 2
+  end function wall_degree
+
+end module calor_scene_evolution

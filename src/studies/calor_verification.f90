@@ -1,0 +1,91 @@
+!> Scenes with known answers: what each should give, and what it gives.
+module calor_verification
+  use calor_error, only: error_t
+  use calor_kinds, only: wp
+  use calor_scene, only: scene_t
+  use calor_scene_reader, only: read_scene
+  use calor_simulation, only: simulation_t
+  implicit none (type, external)
+  private
+
+  public :: verification_case_t, verification_cases, run_case
+
+  !> What is compared: the relative L2 error against the scene's exact_expression, the temperature
+  !> of the particle nearest to a place, or the relative imbalance of the heat budget
+  integer, parameter :: error_of_field = 1, temperature_at = 2, imbalance = 3
+
+  !> A scene of data/verification with its answer
+  type :: verification_case_t
+    !> Its file, without folder and ending
+    character(len=24) :: file = ''
+    !> What is known, and where from
+    character(len=72) :: meaning = ''
+    !> One of the constants above
+    integer :: quantity = error_of_field
+    !> The answer, and by how much what is found may differ from it
+    real(wp) :: expected = 0.0_wp, tolerance = 0.0_wp
+    !> The place, m
+    real(wp) :: x = 0.0_wp, y = 0.0_wp
+  end type verification_case_t
+
+  type(verification_case_t), parameter :: verification_cases(*) = [ &
+      verification_case_t('nafems_t4', 'NAFEMS T4, K at (0.6, 0.2); published 18.3', &
+                          temperature_at, 18.25_wp, 0.05_wp, 0.6_wp, 0.2_wp), &
+      verification_case_t('slab_step', 'step, Fourier series, relative L2 error', &
+                          error_of_field, 0.0_wp, 1.0e-2_wp), &
+      verification_case_t('convective_slab_0_1', 'Biot number 0.1, series, relative L2 error', &
+                          error_of_field, 0.0_wp, 1.0e-4_wp), &
+      verification_case_t('convective_slab_1', 'Biot number 1, series, relative L2 error', &
+                          error_of_field, 0.0_wp, 2.0e-4_wp), &
+      verification_case_t('convective_slab_10', 'Biot number 10, series, relative L2 error', &
+                          error_of_field, 0.0_wp, 2.0e-4_wp), &
+      verification_case_t('disc_mode', 'Bessel mode, relative L2 error', &
+                          error_of_field, 0.0_wp, 5.0e-3_wp), &
+      verification_case_t('half_space', 'flux, error function, relative L2 error', &
+                          error_of_field, 0.0_wp, 5.0e-3_wp), &
+      verification_case_t('radiating_body', 'lumped body, K after 20 s, by the ODE', &
+                          temperature_at, 753.36_wp, 0.05_wp, 0.005_wp, 0.005_wp), &
+      verification_case_t('l_shape', 'L, steady, relative imbalance of the heat budget', &
+                          imbalance, 0.0_wp, 1.0e-6_wp)]
+
+contains
+
+  !> Run a scene on its lattice or on an irregular cloud.
+  subroutine run_case(this, irregular, found, error)
+    !> The case
+    type(verification_case_t), intent(in) :: this
+    !> Whether particles are jittered, or relaxed where the body is no rectangle
+    logical, intent(in) :: irregular
+    !> What is compared with `expected`
+    real(wp), intent(out) :: found
+    !> The scene could not be run
+    type(error_t), allocatable, intent(out) :: error
+    type(scene_t) :: scene
+    type(simulation_t) :: simulation
+    integer :: nearest
+
+    found = 0
+    call read_scene('data/verification/'//trim(this%file)//'.nml', scene, error)
+    if (allocated(error)) return
+    if (irregular) then
+      scene%domain%arrangement = 'relaxed'
+      if (scene%domain%shape == 'rectangle') scene%domain%arrangement = 'jittered'
+      scene%domain%jitter = 0.2_wp
+    end if
+    call simulation%prepare(scene, error)
+    if (.not. allocated(error)) call simulation%run(error)
+    if (allocated(error)) return
+    select case (this%quantity)
+    case (temperature_at)
+      associate (cloud => simulation%cloud)
+        nearest = minloc((cloud%x - this%x)**2 + (cloud%y - this%y)**2, dim=1)
+      end associate
+      found = simulation%temperature(nearest)
+    case (imbalance)
+      found = simulation%entries(size(simulation%entries))%imbalance
+    case default
+      found = simulation%relative_l2_error()
+    end select
+  end subroutine run_case
+
+end module calor_verification
