@@ -50,6 +50,77 @@ table() {
     END { for (i = 1; i <= methods; i++) printf "%s", rows[order[i]] }' "$1"
 }
 
+# Prints the scene $1 without its group &cost (the last one), and what else it shall say.
+variant() {
+  sed '/^&cost/,$d' "$1"
+  printf '%s\n' "${@:2}"
+}
+
+# Wall time and, if told, estimated and true error of a run, as calor prints them.
+figures() {
+  awk '/^Wall time/ { wall = $3 } /^Estimate/ { estimate = $5 } /^Error/ { error = $5 }
+    END { sub(",", "", estimate); print wall, estimate, error }' "$1"
+}
+
+median() { sort -g | awk '{ v[NR] = $1 } END { print v[int((NR + 1)/2)] }'; }
+
+# What the error bar of scene $1 costs and how near it comes, scheme by scheme: runs with and without
+# it take turns.
+error_bars() {
+  printf '\n| scheme | true error | estimated | estimated/true | plain run, ms | with error bar, ms | ratio |\n'
+  printf '|---|---|---|---|---|---|---|\n'
+  local scheme run kind
+  for scheme in "laplacian = 'fatehi_manzari'" "laplacian = 'positive'" \
+    "laplacian = 'consistent' order = 4" "laplacian = 'consistent' order = 6"; do
+    rm -f "$scratch"/bar.*
+    variant "$1" "&scheme $scheme /" >"$scratch/plain.nml"
+    variant "$1" "&scheme $scheme /" '&accuracy estimate = .true. /' >"$scratch/bar.nml"
+    for run in 1 2 3 4 5; do
+      for kind in plain bar; do
+        "$calor" run "$scratch/$kind.nml" >"$scratch/out"
+        figures "$scratch/out" >>"$scratch/bar.$kind"
+      done
+    done
+    awk -v scheme="$(sed "s/laplacian = '\([a-z_]*\)'/\`\1\`/; s/order = //" <<<"$scheme")" \
+      -v plain="$(median <"$scratch/bar.plain")" -v bar="$(median <"$scratch/bar.bar")" '
+      NR == 1 { printf "| %s | %.2e | %.2e | %.2f | %.0f | %.0f | %.1f |\n", scheme, $3, $2, $2/$3,
+        1000*plain, 1000*bar, bar/plain }' "$scratch/bar.bar"
+  done
+}
+
+# What reaching a target costs for scene $1, beside the cheapest entry of the table $2 that reaches
+# it.
+targets() {
+  printf '\n| target | chosen | Δ, m | estimated | true error | all runs, ms | cheapest above, ms | ratio |\n'
+  printf '|---|---|---|---|---|---|---|---|\n'
+  local target run
+  for target in 1e-2 1e-3 1e-4 1e-5 1e-6 1e-7; do
+    variant "$1" "&accuracy target = $target /" >"$scratch/target.nml"
+    : >"$scratch/target.seconds"
+    for run in 1 2 3 4 5; do
+      "$calor" run "$scratch/target.nml" >"$scratch/out"
+      awk '/^  (pilot|run)/ { total += $(NF - 1) } END { print total }' "$scratch/out" \
+        >>"$scratch/target.seconds"
+    done
+    awk -v target="$target" -v all="$(median <"$scratch/target.seconds")" \
+      -v figures="$(figures "$scratch/out")" -v best="$(awk -F, -v target="$target" '
+        NR == 1 { for (i = 1; i <= NF; i++) c[$i] = i; next }
+        $c["total_seconds"] != "" && $c["relative_l2_error"] <= target+0 &&
+          (best == "" || $c["total_seconds"] < best) { best = $c["total_seconds"] }
+        END { print best }' "$2")" '
+      /^  run/ {
+        chosen = $0; sub(/^  run */, "", chosen); sub(/,.*/, "", chosen)
+        spacing = $0; sub(/ m apart.*/, "", spacing); sub(/.* /, "", spacing)
+      }
+      END {
+        split(figures, f, " ")
+        printf "| %s | `%s` | %s | %s | %s | %.0f | %s | %s |\n", target, chosen, spacing, f[2], f[3],
+          1000*all, best == "" ? "none" : sprintf("%.0f", 1000*best),
+          best == "" ? "" : sprintf("%.1f", all/best)
+      }' "$scratch/out"
+  done
+}
+
 # Prints the document with the section of scene $1 replaced by file $2.
 renewed() {
   awk -v begin="<!-- cost: $1 -->" -v section="$2" '
@@ -67,6 +138,12 @@ for name in "${names[@]}"; do
     awk '/^(The machine was busy|For an error|Nothing that was)/ { inside = 1 } /^$/ { if (inside) print; inside = 0 } inside' \
       "$scratch/$name.txt"
     table "$scratch/$name.csv"
+    if grep -q exact_expression "data/cost/$name.nml"; then
+      printf '\n**Error bars**: runs of the scene as it stands, with and without `&accuracy estimate = .true.`.\n'
+      error_bars "data/cost/$name.nml"
+      printf '\n**Targets**: runs with `&accuracy target`, their search included.\n'
+      targets "data/cost/$name.nml" "$scratch/$name.csv"
+    fi
     printf '\n'
   } >"$scratch/section"
   if ! renewed "$name" "$scratch/section" >"$scratch/document"; then

@@ -98,6 +98,8 @@ module calor_simulation
     procedure :: predict_steps
     !> Whether the rows and their spectrum allow a run
     procedure :: certify
+    !> Search for unstable modes what was prepared without that
+    procedure :: search_growth
     !> Whether the scene gives the true temperature
     procedure :: knows_exact
     !> ‖u - u_exact‖ / ‖u_exact‖ in the L2 norm over the body, by the particles' areas
@@ -574,6 +576,17 @@ contains
                  'support_growth = .true., or allow_unstable = .true. to run it all the same.')
     end if
   end subroutine certify
+
+  subroutine search_growth(this, error)
+    class(simulation_t), intent(inout) :: this
+    !> Some were found
+    type(error_t), allocatable, intent(out) :: error
+
+    call this%stopwatch%start('stability')
+    call this%find_growth()
+    call this%stopwatch%stop()
+    call this%certify(error)
+  end subroutine search_growth
 
   !> Find the rightmost eigenvalue of conduction; where no weight is negative there is none beyond
   !> zero. What effects let grow, as a reaction does, grows in truth: it is left out.

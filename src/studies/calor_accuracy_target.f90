@@ -51,6 +51,8 @@ module calor_accuracy_target
     real(wp) :: estimate = huge(1.0_wp)
     !> Wall time before and of the steps, s, and evaluations of the Laplacian
     real(wp) :: setup_seconds = 0.0_wp, step_seconds = 0.0_wp
+    !> The part of the former that depends on the scheme, s
+    real(wp) :: scheme_seconds = 0.0_wp
     integer :: evaluations = 0, steps = 0
     !> Spectral radius, 1/s
     real(wp) :: spectral_radius = 0.0_wp
@@ -95,7 +97,7 @@ module calor_accuracy_target
   !> nearer than so many times
   real(wp), parameter :: coarsening = 4.0_wp, finest = 16.0_wp
   !> On fewer particles schemes hardly differ, so that their difference says nothing
-  integer, parameter :: fewest_particles = 100
+  integer, parameter :: fewest_particles = 60
   !> Aim at this part of the target
   real(wp), parameter :: aim = 0.6_wp
   !> So much of it may be the estimates of all steps together, which decay meanwhile
@@ -120,7 +122,7 @@ contains
     class(observer_t), intent(inout), optional :: observer
     type(attempt_t) :: next
     type(error_t), allocatable :: failure, first_failure
-    real(wp) :: coarse, foreseen
+    real(wp) :: coarse, foreseen, trial
     integer :: method, full_run
 
     this%target = scene%accuracy%target
@@ -147,13 +149,19 @@ contains
       call this%foresee(scene, next, foreseen)
       associate (last => this%attempts(size(this%attempts)))
         ! What is tried has to be run as well before it pays.
-        if (foreseen < 2*(last%setup_seconds + last%step_seconds)* &
-            methods(method + 1)%work/methods(method)%work) exit
+        trial = last%setup_seconds + last%step_seconds + &
+                last%scheme_seconds*(methods(method + 1)%work/methods(method)%work - 1)
+        if (foreseen < 2*trial) exit
       end associate
     end do
     if (size(this%attempts) == 0) then
       call move_alloc(first_failure, error)
       return
+    end if
+    if (next%estimate <= aim*this%target .and. scene%output%file == '') then
+      ! The last pilot run is the answer, once it has been searched for unstable modes.
+      call this%simulation%search_growth(failure)
+      if (.not. allocated(failure)) return
     end if
     do full_run = 1, most_runs
       call this%foresee(scene, next, foreseen)
@@ -242,10 +250,14 @@ contains
       norm = root_mean_square(simulation%temperature + simulation%estimate%error)
       attempt%time_error = simulation%stepper%accumulated_error/max(norm, tiny(1.0_wp))
       attempt%step_seconds = 0
+      attempt%scheme_seconds = 0
       attempt%setup_seconds = simulation%stopwatch%total()
       do k = 1, size(simulation%stopwatch%phases)
         associate (phase => simulation%stopwatch%phases(k))
           if (phase%name == 'steps') attempt%step_seconds = phase%seconds
+          if (phase%name == 'assembly' .or. phase%name == 'error estimate') then
+            attempt%scheme_seconds = attempt%scheme_seconds + phase%seconds
+          end if
           if (phase%name == 'output') attempt%setup_seconds = attempt%setup_seconds - phase%seconds
         end associate
       end do
