@@ -245,14 +245,17 @@ contains
     real(wp), intent(in) :: x, y
     integer, intent(in) :: degree
     real(wp), intent(out) :: value(:)
-    integer :: d, before, here
+    integer :: d, before, here, k
 
     value(1) = x
     value(2) = y
     before = 0
     do d = 2, degree
       here = before + d
-      value(here + 1:here + d) = value(before + 1:before + d)*x
+      ! As a loop: of sections the compiler would make copies
+      do k = 1, d
+        value(here + k) = value(before + k)*x
+      end do
       value(here + d + 1) = value(before + d)*y
       before = here
     end do

@@ -71,22 +71,25 @@ contains
     real(wp), intent(in) :: x(:), y(:)
     integer, intent(in) :: degree
     real(wp), intent(out) :: moments(0:)
-    real(wp) :: power(0:ubound(moments, 1)), dx, dy
+    real(wp) :: power(0:ubound(moments, 1)), inverse(degree), dx, dy
     integer(i8) :: k
-    integer :: i, j, m, n
+    integer :: i, j, m, n, here, before
 
     i = rows%target(row)
     moments = 0
     power(0) = 1
+    inverse = [(1/real(m, wp), m=1, degree)]
     do k = rows%first(row), rows%first(row + 1) - 1
       j = rows%index(k)
       dx = x(j) - x(i)
       dy = y(j) - y(i)
       ! dx^m dy^n/(m! n!), each from one of a degree less
       do m = 1, degree
-        power(derivative_index(m, 0)) = power(derivative_index(m - 1, 0))*dx/m
+        before = derivative_index(m - 1, 0)
+        here = derivative_index(m, 0)
+        power(here) = power(before)*dx*inverse(m)
         do n = 1, m
-          power(derivative_index(m - n, n)) = power(derivative_index(m - n, n - 1))*dy/n
+          power(here + n) = power(before + n - 1)*dy*inverse(n)
         end do
       end do
       moments = moments + rows%weight(k)*power
