@@ -93,7 +93,7 @@ contains
     type(error_type), allocatable, intent(out) :: error
     type(outcome_t) :: outcome
 
-    call run_example('convergence_table', outcome, error, folder//'/convergence.svg')
+    call run_example('convergence_table', outcome, error, folder//'/convergence.svg 3')
     if (allocated(error)) return
     call check_number(error, outcome, 'only fatehi_manzari (', 0.9_wp, 1.1_wp)
     if (allocated(error)) return

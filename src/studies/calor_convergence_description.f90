@@ -15,7 +15,7 @@ module calor_convergence_description
 
   !> Orders within this of 0 are none
   real(wp), parameter :: indifferent = 0.5_wp
-  !> How many terms of the budget a table has: the last ones
+  !> How many terms of the budget a table has
   integer, parameter :: shown_terms = 5
   !> Width of the terminal
   integer, parameter :: columns = 100
@@ -36,6 +36,7 @@ contains
                plain_table(scheme_cells(study, k))]
     end do
     do family = gradient_family, laplacian_family
+      if (.not. any(study%schemes%family == family)) cycle
       lines = [lines, text_list(['']), wrapped(conclusion(study, family))]
     end do
   end function describe_convergence
@@ -49,6 +50,7 @@ contains
 
     allocate (lines(0))
     do family = gradient_family, laplacian_family
+      if (.not. any(study%schemes%family == family)) cycle
       lines = [lines, text_list([conclusion(study, family)]), text_list([''])]
     end do
     do k = 1, size(study%schemes)
@@ -63,24 +65,44 @@ contains
   ! ---------------------------------------------------------------------------------------------
 
   !> Which schemes of a family converge on irregular clouds at fixed h/spacing, and which with a
-  !> growing ratio: from the measured orders.
-  function conclusion(study, family) result(sentence)
+  !> growing ratio: from the measured orders, first of the paper's schemes and then of the others.
+  !> '' if none of the family was measured.
+  function conclusion(study, family) result(text)
     !> A study after `evaluate`
     type(convergence_study_t), intent(in) :: study
     !> `gradient_family` or `laplacian_family`
     integer, intent(in) :: family
-    character(len=:), allocatable :: sentence
+    character(len=:), allocatable :: text
+    logical, dimension(size(study%schemes)) :: of_paper, others
 
-    sentence = trim(merge('gradient ', 'Laplacian', family == gradient_family))
-    sentence = 'Of the '//sentence//' schemes (measured orders in brackets), with h/spacing '// &
-               'fixed on the irregular cloud ('//trim(study%cloud_name(irregular_cloud))//'), '// &
-               verdict(study, family, fixed_ratio)//'. With h/spacing growing, '// &
-               verdict(study, family, growing_ratio)//'.'
+    of_paper = study%schemes%family == family .and. study%schemes%of_paper
+    others = study%schemes%family == family .and. .not. study%schemes%of_paper
+    text = ''
+    if (.not. any(of_paper .or. others)) return
+    text = trim(merge('Gradient ', 'Laplacian', family == gradient_family))//' schemes on the '// &
+           'irregular cloud ('//trim(study%cloud_name(irregular_cloud))//'), measured orders '// &
+           'in brackets.'
+    if (any(of_paper)) text = text//' Of those that R. Fatehi and M.T. Manzari analyse, with '// &
+                              verdicts(study, of_paper)
+    if (any(others)) text = text//trim(merge(' Of the others, with', ' With               ', &
+                                             any(of_paper)))//' '//verdicts(study, others)
   end function conclusion
 
-  function verdict(study, family, way) result(text)
+  !> For both ways
+  function verdicts(study, members) result(text)
     type(convergence_study_t), intent(in) :: study
-    integer, intent(in) :: family, way
+    !> Which schemes they are about
+    logical, intent(in) :: members(:)
+    character(len=:), allocatable :: text
+
+    text = 'h/spacing fixed, '//verdict(study, members, fixed_ratio)// &
+           '. With h/spacing growing, '//verdict(study, members, growing_ratio)//'.'
+  end function verdicts
+
+  function verdict(study, members, way) result(text)
+    type(convergence_study_t), intent(in) :: study
+    logical, intent(in) :: members(:)
+    integer, intent(in) :: way
     character(len=:), allocatable :: text
     type(text_t), allocatable :: falling(:), standing(:), growing(:), exact(:)
     type(text_t) :: name
@@ -88,7 +110,7 @@ contains
 
     allocate (falling(0), standing(0), growing(0), exact(0))
     do k = 1, size(study%schemes)
-      if (study%schemes(k)%family /= family) cycle
+      if (.not. members(k)) cycle
       name%value = study%schemes(k)%label()
       associate (order => study%curve(way, irregular_cloud, k)%fitted)
         if (.not. is_order(order)) then
@@ -107,10 +129,12 @@ contains
     end do
     if (size(falling) == 0) then
       text = 'none converges'
-    else if (size(standing) + size(growing) + size(exact) == 0) then
-      text = 'all converge: '//listed(falling)
-    else
+    else if (size(falling) < count(members)) then
       text = 'only '//listed(falling)//trim(merge(' converges', ' converge ', size(falling) == 1))
+    else if (size(falling) == 1) then
+      text = listed(falling)//' converges'
+    else
+      text = 'all converge: '//listed(falling)
     end if
     if (size(standing) > 0) text = text//'; the error stands still for '//listed(standing)
     if (size(growing) > 0) text = text//'; the error grows for '//listed(growing)
@@ -134,34 +158,66 @@ contains
     type(convergence_study_t), intent(in) :: study
     type(text_t), allocatable :: lines(:)
 
-    allocate (lines(13))
-    lines(1)%value = 'How derivative schemes converge, measured on u = '//study%field
-    lines(2)%value = 'with the kernel '//study%scene%kernel//', h being its support radius. '// &
-                     'Three ways of refining:'
     associate (a => study%curve(fixed_ratio, 1, 1)%level, &
                b => study%curve(growing_ratio, 1, 1)%level, &
                c => study%curve(fixed_spacing, 1, 1)%level)
-      lines(3)%value = '  a  spacing -> 0 with h/spacing fixed at '//ratio(a(1))//': spacing '// &
-                       range_text(a%spacing)//' m'
-      lines(4)%value = '  b  h -> 0 with h/spacing growing from '//ratio(b(1))//' to '// &
-                       ratio(b(size(b)))//': h '//range_text(b%radius)//' m'
-      lines(5)%value = '  c  h -> 0 at a fixed spacing of '//to_text(c(1)%spacing, digits=3)// &
-                       ' m: h '//range_text(c%radius)//' m'
+      lines = [wrapped('How derivative schemes converge, measured on u = '// &
+                       study%field_in_words()//', with the kernel '//study%scene%kernel// &
+                       ', h being its support radius. Three ways of refining:'), &
+               text_list(['  a  spacing -> 0 with h/spacing fixed at '//ratio(a(1))// &
+                          ': spacing '//range_text(a%spacing)//' m']), &
+               text_list(['  b  h -> 0 with h/spacing growing from '//ratio(b(1))//' to '// &
+                          ratio(b(size(b)))//': h '//range_text(b%radius)//' m']), &
+               text_list(['  c  h -> 0 at a fixed spacing of '//to_text(c(1)%spacing, digits=3)// &
+                          ' m: h '//range_text(c%radius)//' m'])]
     end associate
-    lines(6)%value = 'on a regular cloud ('//trim(study%cloud_name(regular_cloud))// &
-                     ') and an irregular one ('//trim(study%cloud_name(irregular_cloud))//').'
-    lines(7)%value = 'Order n, the error falling as spacing^n in a and as h^n in b and c:'
-    lines(8)%value = '  limit  by theory, in the limit'
-    lines(9)%value = '  here   by theory, with the size that each term of the error has at the '// &
-                     'finest three'
-    lines(10)%value = '  fit    measured over the finest three; steps: from each refinement to '// &
-                      'the next (~0: rounding)'
-    lines(11)%value = 'first, finest: the error, root mean square relative to that of the true '// &
-                      'derivative, where all'
-    lines(12)%value = '  supports are whole. T0, T1, ...: terms of that degree of the '// &
-                      'truncation error, at the finest,'
-    lines(13)%value = '  in % of the error; sum: all terms added with their signs, over the error.'
+    lines = [lines, wider_supports(study), &
+             text_list(['Clouds are regular ('//trim(study%cloud_name(regular_cloud))// &
+                        ') and irregular ('//trim(study%cloud_name(irregular_cloud))// &
+                        ').']), &
+             text_list([character(len=columns) :: &
+                        'Order n, the error falling as spacing^n in a and as h^n in b and c:', &
+                        '  limit  by theory, in the limit', &
+                        '  here   by theory, with the size that each term of the error has at '// &
+                        'the finest three', &
+                        '  fit    measured over the finest three; steps: from each refinement '// &
+                        'to the next (~0: rounding)', &
+                        'first, finest: the error, root mean square relative to that of the '// &
+                        'true derivative, where all', &
+                        '  supports are whole. T0, T1, ...: terms of that degree of the '// &
+                        'truncation error, at the finest,', &
+                        '  in % of the error; sum: all terms added with their signs, over the '// &
+                        'error.'])]
   end function introduction
+
+  !> How schemes that need wider supports than the first one are refined; nothing if none does
+  function wider_supports(study) result(lines)
+    type(convergence_study_t), intent(in) :: study
+    type(text_t), allocatable :: lines(:)
+    type(text_t), allocatable :: starts(:)
+    real(wp) :: widest
+    integer :: k, short
+
+    allocate (starts(0), lines(0))
+    widest = study%schemes(1)%least_support
+    do k = 1, size(study%schemes)
+      if (study%schemes(k)%least_support <= widest) cycle
+      widest = study%schemes(k)%least_support
+      starts = [starts, text_list([ratio(study%curve(fixed_ratio, regular_cloud, k)%level(1))// &
+                                   ' for '//study%schemes(k)%label()])]
+    end do
+    if (size(starts) == 0) return
+    lines = wrapped('Where rows need more neighbours, h/spacing is wider at the start: '// &
+                    listed(starts)//'.')
+    short = findloc(study%schemes%short_waves, .true., 1)
+    if (short == 0 .or. all(study%schemes%short_waves)) return
+    associate (levels => study%curve(fixed_ratio, regular_cloud, short)%level)
+      lines = [lines, text_list(['Orders above 2 are refined to 1/'// &
+                                 to_text(nint(levels(1)%spacing/levels(size(levels))%spacing))// &
+                                 ' of the coarsest spacing, others to 1/'// &
+                                 to_text(2**(size(levels) - 1))//'.'])]
+    end associate
+  end function wider_supports
 
   pure function ratio(measurement) result(text)
     type(measurement_t), intent(in) :: measurement
@@ -207,15 +263,15 @@ contains
     type(convergence_study_t), intent(in) :: study
     integer, intent(in) :: number
     character(len=cell_length), allocatable :: cells(:, :)
-    integer :: cloud, k, last, line, way
+    integer :: before, cloud, k, line, way
 
     associate (curves => study%curve(:, :, number))
       allocate (cells(8 + shown_terms, 0:size(curves)))
-      last = ubound(curves(1, 1)%level(1)%term, 1)
+      before = last_hidden_term(study%schemes(number), curves(1, 1))
       cells(:7, 0) = [character(len=cell_length) :: 'cloud, way', 'limit', 'here', 'fit', 'steps', &
                       'first', 'finest']
       do k = 1, shown_terms
-        cells(7 + k, 0) = 'T'//to_text(last - shown_terms + k)
+        cells(7 + k, 0) = 'T'//to_text(before + k)
       end do
       cells(8 + shown_terms, 0) = 'sum'
       line = 0
@@ -224,17 +280,29 @@ contains
           line = line + 1
           cells(1, line) = trim(merge('regular  ', 'irregular', cloud == regular_cloud))//' '// &
                            achar(iachar('a') + way - fixed_ratio)
-          cells(2:, line) = line_cells(curves(way, cloud))
+          cells(2:, line) = line_cells(curves(way, cloud), before)
         end do
       end do
     end associate
   end function scheme_cells
 
-  function line_cells(curve) result(cells)
+  !> The terms shown are the last ones, or else begin with the last that vanishes.
+  function last_hidden_term(scheme, curve) result(degree)
+    type(study_scheme_t), intent(in) :: scheme
     type(convergence_curve_t), intent(in) :: curve
+    integer :: degree
+
+    degree = ubound(curve%level(1)%term, 1) - shown_terms
+    degree = max(-1, min(degree, scheme%exact_degree - 1))
+  end function last_hidden_term
+
+  function line_cells(curve, before) result(cells)
+    type(convergence_curve_t), intent(in) :: curve
+    !> The terms shown are those after this one
+    integer, intent(in) :: before
     character(len=cell_length) :: cells(7 + shown_terms)
     character(len=:), allocatable :: steps
-    integer :: k, last, level
+    integer :: k, level
 
     cells(1) = order_text(curve%predicted)
     cells(2) = order_text(curve%expected)
@@ -251,9 +319,8 @@ contains
     associate (first => curve%level(1), finest => curve%level(size(curve%level)))
       cells(5) = scientific(first%error)
       cells(6) = scientific(finest%error)
-      last = ubound(finest%term, 1)
       do k = 1, shown_terms
-        cells(6 + k) = part_text(finest%term(last - shown_terms + k), finest)
+        cells(6 + k) = part_text(finest%term(before + k), finest)
       end do
       cells(7 + shown_terms) = '-'
       if (.not. finest%rounded) cells(7 + shown_terms) = fixed(finest%total/finest%error, 2)

@@ -67,7 +67,7 @@ contains
       text = text//',term'//to_text(k)
     end do
     text = text//',sum,remainder,rounding,observed_order,fitted_order,expected_order,'// &
-           'predicted_order'//end
+           'predicted_order,field'//end
     do k = 1, size(study%schemes)
       do cloud = regular_cloud, irregular_cloud
         do way = fixed_ratio, fixed_spacing
@@ -77,7 +77,8 @@ contains
                      trim(family_names(scheme%family))//','//trim(cloud_names(cloud))//','// &
                      trim(way_names(way))//','//numbers(curve%level(level), last)//','// &
                      order_text(curve%level(level)%order)//','//order_text(curve%fitted)//','// &
-                     order_text(curve%expected)//','//order_text(curve%predicted)//end
+                     order_text(curve%expected)//','//order_text(curve%predicted)//',"'// &
+                     study%field(k)%value//'"'//end
             end do
           end associate
         end do
@@ -233,9 +234,10 @@ contains
     end if
     if (way == fixed_spacing .and. cloud == regular_cloud) then
       script = script//'set key at screen 0.74,'//to_text(tops(cloud, family))// &
-               ' left top Left reverse noenhanced samplen 2 spacing 1.5'//end// &
+               ' left top Left reverse noenhanced samplen 2 spacing 1.2'//end// &
                'set label "grey lines:\norders of convergence" at screen 0.75,'// &
-               to_text(tops(cloud, family) - high)//' left font ",14" textcolor "#555555"'//end
+               to_text(tops(cloud, family) - high - 0.01_wp)// &
+               ' left font ",14" textcolor "#555555"'//end
     end if
     script = script//'plot'
     number = 0
@@ -307,16 +309,17 @@ contains
     integer, intent(in) :: way
     real(wp), intent(in) :: x(2), y(2)
     character(len=:), allocatable :: script
-    integer, parameter :: orders(2, 3) = reshape([1, 2, 1, 3, -1, -3], [2, 3])
-    real(wp) :: from(2), to(2), lift
+    integer, parameter :: orders(3, 3) = reshape([1, 4, 8, 1, 4, 8, -1, -3, -5], [3, 3])
+    real(wp) :: from(2), to(2), lift, longest
     integer :: k
 
     script = ''
     ! What grows to the left is drawn in the upper corner, where no curve comes.
     lift = merge(0.94_wp, 0.06_wp, way == fixed_spacing)
-    do k = 1, 2
+    do k = 1, size(orders, 1)
       from = [x(1)*(x(2)/x(1))**0.50_wp, y(1)*(y(2)/y(1))**lift]
-      to(1) = x(1)*(x(2)/x(1))**0.88_wp
+      longest = (y(2)/y(1))**(0.4_wp/abs(orders(k, way)))
+      to(1) = from(1)*min((x(2)/x(1))**0.38_wp, longest)
       to(2) = from(2)*(to(1)/from(1))**orders(k, way)
       script = script//'set arrow from '//point(from)//' to '//point(to)// &
                ' nohead linewidth 1.2 linecolor "#777777"'//end// &
@@ -338,29 +341,45 @@ contains
     character(len=:), allocatable :: script
     character(len=:), allocatable :: what, how
 
-    associate (levels => study%curve(way, regular_cloud, 1)%level)
-      select case (way)
-      case (fixed_ratio)
-        what = 'a: finer, as many neighbours'
-        how = 'h: '//to_text(levels(1)%radius/levels(1)%spacing, digits=3)//' particle distances'
-      case (growing_ratio)
-        what = 'b: finer, more neighbours'
-        how = 'h: '//to_text(levels(1)%radius/levels(1)%spacing, digits=3)//' to '// &
-              to_text(levels(size(levels))%radius/levels(size(levels))%spacing, digits=3)// &
-              ' particle distances'
-      case default
-        what = 'c: as fine, fewer neighbours'
-        how = 'particles '//to_text(levels(1)%spacing, digits=2)//' m apart'
-      end select
-    end associate
+    select case (way)
+    case (fixed_ratio)
+      what = 'a: finer, as many neighbours'
+    case (growing_ratio)
+      what = 'b: finer, more neighbours'
+    case default
+      what = 'c: as fine, fewer neighbours'
+    end select
+    how = 'h: '//ratios(study, family, way)//' particle distances'
     script = 'set title "'//what//'\n'//how//'" offset 0,-0.4 font ",15"'//end
     if (way == fixed_ratio) then
       script = script//'set label "'// &
                trim(merge('Gradient of ', 'Laplacian of', family == gradient_family))//' u = '// &
-               study%field//'" at screen 0.01,'// &
+               study%field_in_words()//'" at screen 0.01,'// &
                merge('0.985', '0.495', family == gradient_family)// &
                ' left noenhanced font ",20"'//end
     end if
   end function titles
+
+  !> The support radii of a column of panels in spacings: '2.1 to 7.5', or '2.1' where all are the
+  !> same
+  function ratios(study, family, way) result(text)
+    type(convergence_study_t), intent(in) :: study
+    integer, intent(in) :: family, way
+    character(len=:), allocatable :: text
+    real(wp) :: least, most
+    integer :: k
+
+    least = huge(least)
+    most = 0
+    do k = 1, size(study%schemes)
+      if (study%schemes(k)%family /= family) cycle
+      associate (levels => study%curve(way, regular_cloud, k)%level)
+        least = min(least, minval(levels%radius/levels%spacing))
+        most = max(most, maxval(levels%radius/levels%spacing))
+      end associate
+    end do
+    text = to_text(least, digits=3)
+    if (to_text(most, digits=3) /= text) text = text//' to '//to_text(most, digits=3)
+  end function ratios
 
 end module calor_convergence_files

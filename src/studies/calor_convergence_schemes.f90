@@ -11,7 +11,6 @@ module calor_convergence_schemes
   use calor_kernel, only: kernel_t
   use calor_kinds, only: wp
   use calor_laplacian_scheme, only: laplacian_scheme_t
-  use calor_laplacian_consistent, only: natural_support
   use calor_laplacian_schemes, only: laplacian_choices, make_laplacian_scheme
   use calor_neighbour_list, only: neighbour_list_t
   use calor_row_report, only: row_report_t
@@ -45,8 +44,14 @@ module calor_convergence_schemes
     integer :: kernel_derivatives = 1
     !> Whether the weights hang on the nearest neighbours, however wide the support
     logical :: compact = .false.
-    !> It needs at least this support radius, in spacings
+    !> Whether the paper analyses it
+    logical :: of_paper = .false.
+    !> It is measured from this support radius on, in spacings, if the scene's is smaller
     real(wp) :: least_support = 0.0_wp
+    !> By how much the spacing shrinks from each refinement to the next
+    real(wp) :: shrinking = 2.0_wp
+    !> Whether it is measured on short waves
+    logical :: short_waves = .false.
   contains
     !> The name, with the order where there are several
     procedure :: label
@@ -58,16 +63,16 @@ module calor_convergence_schemes
 
   !> What is known of the schemes with one order
   type(study_scheme_t), parameter :: known(*) = [ &
-      study_scheme_t(1, 'standard', 0, .true., -1, -1, 1, .false., 0.0_wp), &
-      study_scheme_t(1, 'difference', 0, .true., 0, 0, 1, .false., 0.0_wp), &
-      study_scheme_t(1, 'sum', 0, .true., -1, -1, 1, .false., 0.0_wp), &
-      study_scheme_t(1, 'renormalized', 0, .true., 1, 1, 1, .false., 0.0_wp), &
-      study_scheme_t(2, 'kernel_second_derivative', 0, .true., 0, 0, 2, .false., 0.0_wp), &
-      study_scheme_t(2, 'double_gradient', 0, .true., 1, 2, 1, .false., 0.0_wp), &
-      study_scheme_t(2, 'brookshaw', 0, .true., 0, 0, 1, .false., 0.0_wp), &
-      study_scheme_t(2, 'brookshaw_renormalized', 0, .true., 0, 2, 1, .false., 0.0_wp), &
-      study_scheme_t(2, 'fatehi_manzari', 0, .true., 2, 2, 1, .false., 0.0_wp), &
-      study_scheme_t(2, 'positive', 0, .true., 2, 2, 1, .true., 0.0_wp) &
+      study_scheme_t(1, 'standard', 0, .true., -1, -1, 1, .false., .true.), &
+      study_scheme_t(1, 'difference', 0, .true., 0, 0, 1, .false., .true.), &
+      study_scheme_t(1, 'sum', 0, .true., -1, -1, 1, .false., .true.), &
+      study_scheme_t(1, 'renormalized', 0, .true., 1, 1, 1, .false., .true.), &
+      study_scheme_t(2, 'kernel_second_derivative', 0, .true., 0, 0, 2, .false., .true.), &
+      study_scheme_t(2, 'double_gradient', 0, .true., 1, 2, 1, .false., .true.), &
+      study_scheme_t(2, 'brookshaw', 0, .true., 0, 0, 1, .false., .true.), &
+      study_scheme_t(2, 'brookshaw_renormalized', 0, .true., 0, 2, 1, .false., .true.), &
+      study_scheme_t(2, 'fatehi_manzari', 0, .true., 2, 2, 1, .false., .true.), &
+      study_scheme_t(2, 'positive', 0, .true., 2, 2, 1, .true., .false.) &
       ]
 
 contains
@@ -98,9 +103,7 @@ contains
 
     select case (name)
     case ('consistent')
-      ! The Laplacian is exact for one degree more than the gradient of the same order
-      schemes = [(study_scheme_t(family, name, k, .true., k + family - 1, k + family - 1, 1, &
-                                 .false., natural_support(k)), k=2, 4, 2)]
+      schemes = [(consistent_scheme(family, k), k=2, 8, 2)]
     case default
       schemes = pack(known, known%family == family .and. known%name == name)
       if (size(schemes) > 0) return
@@ -115,6 +118,22 @@ contains
     end select
   end function pairs
 
+  !> The Laplacian is exact for one degree more than the gradient of the same order. Supports are
+  !> wider than `natural_support`, so that rows need not grow and shrink with h as theory has it.
+  !> Errors of high order would soon vanish in rounding: they are measured on short waves, and with
+  !> smaller steps of refinement.
+  pure function consistent_scheme(family, order) result(scheme)
+    integer, intent(in) :: family, order
+    type(study_scheme_t) :: scheme
+
+    scheme = study_scheme_t(family=family, name='consistent', order=order, understood=.true., &
+                            exact_degree=order + family - 1, lattice_degree=order + family - 1, &
+                            least_support=1.5_wp + 0.75_wp*order)
+    if (order <= 2) return
+    scheme%shrinking = sqrt(2.0_wp)
+    scheme%short_waves = .true.
+  end function consistent_scheme
+
   pure function label(this) result(text)
     class(study_scheme_t), intent(in) :: this
     character(len=:), allocatable :: text
@@ -123,12 +142,13 @@ contains
     if (this%order > 0) text = text//' '//to_text(this%order)
   end function label
 
-  !> Two beyond the exact degree, where lattices have their first term; at least the fourth.
+  !> Two beyond the exact degree, where lattices have their first term, and for short waves four
+  !> more; at least the fourth.
   elemental function last_term(this) result(degree)
     class(study_scheme_t), intent(in) :: this
     integer :: degree
 
-    degree = max(4, this%exact_degree + 2)
+    degree = max(4, this%exact_degree + merge(6, 2, this%short_waves))
   end function last_term
 
   subroutine assemble(this, kernel, cloud, radius, list, rows, error)

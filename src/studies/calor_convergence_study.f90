@@ -47,8 +47,9 @@ module calor_convergence_study
   real(wp), parameter :: clearance = 2.0_wp
   !> On a cloud, errors are measured at up to so many particles …
   integer, parameter :: most_rows = 4000
-  !> … but fewer where supports are wide, at so many neighbours in all …
-  real(wp), parameter :: enough_neighbours = 4.0e5_wp
+  !> … but fewer where supports are wide, at so many neighbours in all, and p times fewer for
+  !> consistent schemes of order p, whose rows are dear and err alike …
+  real(wp), parameter :: enough_neighbours = 2.0e5_wp
   !> … and on as many different irregular clouds as give some rows, but no more than a few
   integer, parameter :: enough_rows = 1000, most_clouds = 16
   !> The fewest rows to speak of a mean
@@ -112,11 +113,13 @@ module calor_convergence_study
     type(convergence_curve_t), allocatable :: curve(:, :, :)
     !> What the regular and the irregular cloud are
     character(len=40) :: cloud_name(2) = ''
-    !> The field, as an expression
-    character(len=:), allocatable :: field
+    !> The field, as an expression, of each scheme
+    type(text_t), allocatable :: field(:)
   contains
     !> Measure all of it
     procedure :: evaluate
+    !> The field, or both, as expressions
+    procedure :: field_in_words
   end type convergence_study_t
 
   !> One cloud with the rows to be measured on it
@@ -138,7 +141,7 @@ module calor_convergence_study
 
 contains
 
-  subroutine evaluate(this, error, scene, levels, watcher)
+  subroutine evaluate(this, error, scene, levels, watcher, schemes)
     class(convergence_study_t), intent(out) :: this
     !> The scene cannot be refined, or something in it is wrong
     type(error_t), allocatable, intent(out) :: error
@@ -148,6 +151,8 @@ contains
     integer, intent(in), optional :: levels
     !> Is told how far the study has come
     class(convergence_watcher_t), intent(inout), optional :: watcher
+    !> What is measured; without it all of `study_schemes`, or of these what the scene names
+    type(study_scheme_t), intent(in), optional :: schemes(:)
     class(kernel_t), allocatable :: kernel
     type(study_field_t) :: field
     type(tally_t), allocatable :: tally(:, :, :)
@@ -161,19 +166,19 @@ contains
     if (.not. allocated(error)) call make_kernel(this%scene%kernel, kernel, error)
     if (.not. allocated(error)) call take_field(this%scene, kernel, field, error)
     if (allocated(error)) return
-    this%field = field%source()
-    this%schemes = study_schemes()
-    associate (asked => this%scene%operators)
-      if (asked%field_expression /= '') then
-        this%schemes = pack(this%schemes, is_asked_for(this%schemes, asked%gradients, &
-                                                       asked%laplacians))
-      end if
-    end associate
+    if (present(schemes)) then
+      this%schemes = schemes
+    else
+      this%schemes = asked_schemes(this%scene)
+    end if
+    allocate (this%field(size(this%schemes)))
     allocate (this%curve(fixed_spacing, irregular_cloud, size(this%schemes)))
     allocate (tally(count, fixed_spacing, size(this%schemes)))
     do cloud = regular_cloud, irregular_cloud
       this%cloud_name(cloud) = cloud_name(this%scene, cloud)
       do scheme = 1, size(this%schemes)
+        field%short_waves = this%schemes(scheme)%short_waves
+        this%field(scheme)%value = field%source()
         do way = fixed_ratio, fixed_spacing
           allocate (this%curve(way, cloud, scheme)%level(count))
           this%curve(way, cloud, scheme)%predicted = &
@@ -207,6 +212,35 @@ contains
       end do
     end do
   end subroutine evaluate
+
+  !> 'exp(x)*sin(2*y) (above order 2: …)'
+  function field_in_words(this) result(text)
+    !> A study after `evaluate`
+    class(convergence_study_t), intent(in) :: this
+    character(len=:), allocatable :: text
+    integer :: short
+
+    text = this%field(1)%value
+    short = findloc(this%schemes%short_waves, .true., 1)
+    if (short == 0) return
+    associate (expression => this%field(short)%value)
+      if (expression == text) return
+      ! What may follow a comma is already said of the first field.
+      text = text//' (above order 2: '//expression(:index(expression//',', ',') - 1)//')'
+    end associate
+  end function field_in_words
+
+  !> All schemes; with a scene that gives the field, those that it names.
+  function asked_schemes(scene) result(schemes)
+    type(scene_t), intent(in) :: scene
+    type(study_scheme_t), allocatable :: schemes(:)
+
+    schemes = study_schemes()
+    associate (asked => scene%operators)
+      if (asked%field_expression == '') return
+      schemes = pack(schemes, is_asked_for(schemes, asked%gradients, asked%laplacians))
+    end associate
+  end function asked_schemes
 
   !> Which schemes a scene names.
   pure function is_asked_for(schemes, gradients, laplacians) result(asked)
@@ -273,17 +307,19 @@ contains
 
     radius = scene%support*scene%domain%spacing
     spacing = radius/max(scene%support, scheme%least_support)
-    select case (way)
-    case (fixed_ratio)
-      radius = radius/2.0_wp**(level - 1)
-      spacing = spacing/2.0_wp**(level - 1)
-    case (growing_ratio)
-      radius = radius/sqrt(2.0_wp)**(level - 1)
-      spacing = spacing/2.0_wp**(level - 1)
-    case default
-      radius = radius/sqrt(2.0_wp)**(levels - 1 + level - 1)
-      spacing = spacing/2.0_wp**(levels - 1)
-    end select
+    associate (factor => scheme%shrinking)
+      select case (way)
+      case (fixed_ratio)
+        radius = radius/factor**(level - 1)
+        spacing = spacing/factor**(level - 1)
+      case (growing_ratio)
+        radius = radius/sqrt(factor)**(level - 1)
+        spacing = spacing/factor**(level - 1)
+      case default
+        radius = radius/sqrt(factor)**(levels - 1 + level - 1)
+        spacing = spacing/factor**(levels - 1)
+      end select
+    end associate
   end subroutine place
 
   !> The scene of a regular or an irregular cloud.
@@ -330,6 +366,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     class(convergence_watcher_t), intent(inout), optional :: watcher
     type(scene_t) :: scene
+    type(study_field_t) :: field_here
     type(sample_t) :: sample
     logical :: finished(size(tally, 1), size(tally, 2), size(tally, 3))
     logical :: here(size(tally, 1), size(tally, 2), size(tally, 3))
@@ -337,11 +374,14 @@ contains
 
     finished = .false.
     do while (.not. all(finished))
-      ! The next spacing, and all measurements at it
+      ! The next spacing, and all measurements at it of the same field
       first = findloc(finished, .false.)
+      field_here = field
+      field_here%short_waves = study%schemes(first(3))%short_waves
       associate (next => study%curve(first(2), cloud, first(3))%level(first(1)))
         do k = 1, size(here, 3)
-          here(:, :, k) = same_spacing(study%curve(:, cloud, k), next%spacing, size(here, 1))
+          here(:, :, k) = same_spacing(study%curve(:, cloud, k), next%spacing, size(here, 1)) &
+                          .and. (study%schemes(k)%short_waves .eqv. field_here%short_waves)
         end do
         scene = study%scene
         call arrange(cloud, next%spacing, scene)
@@ -350,10 +390,10 @@ contains
       if (cloud == irregular_cloud) copies = most_clouds
       do copy = 1, copies
         scene%domain%seed = study%scene%domain%seed + copy - 1
-        call take_sample(scene, kernel, field, &
+        call take_sample(scene, kernel, field_here, &
                          clearance*study%scene%support*study%scene%domain%spacing, sample, error)
         if (allocated(error)) return
-        call measure_sample(study, scene, kernel, field, sample, here, cloud, tally, error)
+        call measure_sample(study, scene, kernel, field_here, sample, here, cloud, tally, error)
         if (allocated(error)) return
         if (copy*size(sample%core) >= enough_rows) exit
       end do
@@ -452,37 +492,47 @@ contains
     type(neighbour_list_t) :: list
     integer(ip), allocatable :: targets(:)
     real(wp), allocatable :: radius(:), derivatives(:, :)
-    logical :: open_here(size(here, 1), size(here, 2), size(here, 3))
+    logical :: open_here(size(here, 1), size(here, 2), size(here, 3)), taking_part(size(here, 3))
+    logical :: same(size(here, 1), size(here, 2))
     real(wp) :: h
-    integer :: first(3), level, way, k, degree, rows
+    integer :: start(3), first(2), level, way, k, degree, rows, work
 
     open_here = here
+    taking_part = [(any(here(:, :, k)), k=1, size(here, 3))]
+    degree = min(maxval(study%schemes%last_term(), mask=taking_part), field%highest_degree())
+    work = max(1, maxval(study%schemes%order, mask=taking_part))
     scene_here = scene
     do while (any(open_here))
-      first = findloc(open_here, .true.)
-      h = study%curve(first(2), cloud, first(3))%level(first(1))%radius
+      start = findloc(open_here, .true.)
+      h = study%curve(start(2), cloud, start(3))%level(start(1))%radius
       scene_here%support = h/sample%cloud%spacing
-      rows = min(most_rows, int(enough_neighbours/(pi*scene_here%support**2)))
+      rows = min(most_rows, int(enough_neighbours/(work*pi*scene_here%support**2)))
       targets = evenly_picked(sample%core, max(rows, fewest_rows))
       radius = spread(h, 1, sample%cloud%particles())
       call build_neighbour_list(sample%cloud%x, sample%cloud%y, radius(targets), list, targets)
       call require_neighbours(scene_here, sample%cloud, list, error)
       if (allocated(error)) return
-      degree = min(maxval(study%schemes%last_term()), field%highest_degree())
       if (allocated(derivatives)) deallocate (derivatives)
       allocate (derivatives(0:derivative_count(degree) - 1, size(targets)))
       call field%derivatives(sample%cloud%x(targets), sample%cloud%y(targets), degree, &
                              derivatives, error)
       if (allocated(error)) return
       do k = 1, size(here, 3)
+        same = open_here(:, :, k)
+        do way = 1, size(here, 2)
+          same(:, way) = same(:, way) .and. &
+                         abs(study%curve(way, cloud, k)%level%radius - h) <= 1.0e-9_wp*h
+        end do
+        if (.not. any(same)) cycle
+        open_here(:, :, k) = open_here(:, :, k) .and. .not. same
+        ! The corners of the triangle belong to two ways: what is measured for one serves both.
+        first = findloc(same, .true.)
+        call measure_scheme(study%schemes(k), kernel, field, sample, radius, list, derivatives, &
+                            tally(first(1), first(2), k), error)
+        if (allocated(error)) return
         do way = 1, size(here, 2)
           do level = 1, size(here, 1)
-            if (.not. open_here(level, way, k)) cycle
-            if (abs(study%curve(way, cloud, k)%level(level)%radius - h) > 1.0e-9_wp*h) cycle
-            open_here(level, way, k) = .false.
-            call measure_scheme(study%schemes(k), kernel, field, sample, radius, list, &
-                                derivatives, tally(level, way, k), error)
-            if (allocated(error)) return
+            if (same(level, way)) tally(level, way, k) = tally(first(1), first(2), k)
           end do
         end do
       end do

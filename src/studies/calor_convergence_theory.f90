@@ -68,6 +68,8 @@ contains
     if (.not. scheme%understood) return
     do k = 0, scheme%last_term()
       order = min(order, term_order(scheme, k, smoothness, cloud, way))
+      ! As h > Δ, no term of higher degree overtakes one that does not vanish with Δ/h.
+      if (is_order(order) .and. stands_for_integral(scheme, k)) exit
     end do
   end function predicted_order
 
@@ -85,17 +87,14 @@ contains
     integer, intent(in) :: way
     real(wp) :: order
     real(wp) :: of_length, of_sums
-    logical :: odd
 
     order = no_order
     if (degree <= scheme%exact_degree) return
     if (cloud == regular_cloud .and. degree <= scheme%lattice_degree) return
-    ! What has no counterpart on the other side of the particle cancels on regular clouds.
-    odd = mod(degree + scheme%family, 2) /= 0
-    if (cloud == regular_cloud .and. odd) return
+    if (cloud == regular_cloud .and. is_odd(scheme, degree)) return
     of_length = degree - scheme%family
     of_sums = 0
-    if (odd .or. degree <= scheme%family) then
+    if (.not. stands_for_integral(scheme, degree)) then
       if (cloud == irregular_cloud) then
         of_sums = 2
       else
@@ -123,5 +122,24 @@ contains
       order = of_length - of_sums
     end select
   end function term_order
+
+  !> Terms whose parts on opposite sides of the particle cancel: on regular clouds nothing is left.
+  pure function is_odd(scheme, degree)
+    type(study_scheme_t), intent(in) :: scheme
+    integer, intent(in) :: degree
+    logical :: is_odd
+
+    is_odd = mod(degree + scheme%family, 2) /= 0
+  end function is_odd
+
+  !> Whether the moment of a term that does not vanish approximates an integral other than 0, so
+  !> that it stays however many neighbours there are.
+  pure function stands_for_integral(scheme, degree)
+    type(study_scheme_t), intent(in) :: scheme
+    integer, intent(in) :: degree
+    logical :: stands_for_integral
+
+    stands_for_integral = degree > scheme%family .and. .not. is_odd(scheme, degree)
+  end function stands_for_integral
 
 end module calor_convergence_theory

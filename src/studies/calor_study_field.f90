@@ -1,8 +1,9 @@
 !> A field with all its derivatives, for measuring schemes.
 !>
-!> Either the study's own, exp(ξ) sin(2η) with ξ and η the coordinates in widths of the domain, of
-!> which all derivatives are known; or one that a scene gives, whose derivatives up to the fourth
-!> are found by central differences of nine points each way.
+!> Either one of the study's own, exp(ξ) sin(2η) and, in shorter waves, sin(12ξ) sin(16η) with ξ and
+!> η the coordinates in widths of the domain, of which all derivatives are known; or one that a
+!> scene gives, whose derivatives up to the fourth are found by central differences of nine points
+!> each way.
 module calor_study_field
   use calor_constants, only: pi
   use calor_error, only: error_t
@@ -33,6 +34,8 @@ module calor_study_field
     type(text_t) :: exact(3)
     !> Corner and width of the domain, m
     real(wp) :: corner(2) = 0.0_wp, width = 1.0_wp
+    !> Which of the study's own fields it is
+    logical :: short_waves = .false.
     !> Distance between the points of a central difference, m
     real(wp) :: step = 0.0_wp
   contains
@@ -102,6 +105,7 @@ contains
     text = this%text
     if (text /= '') return
     text = 'exp(x)*sin(2*y)'
+    if (this%short_waves) text = 'sin(12*x)*sin(16*y)'
     if (any(abs(this%corner) > 0) .or. abs(this%width - 1) > 0) then
       text = text//', x and y in widths of the domain'
     end if
@@ -133,7 +137,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
 
     if (this%text == '') then
-      u = exp((x - this%corner(1))/this%width)*sin(2*(y - this%corner(2))/this%width)
+      u = own_derivative(this, x, y, 0, 0)
     else
       call evaluate(this%text, this%place, x, y, u, error)
     end if
@@ -167,14 +171,30 @@ contains
     if (this%text == '') then
       do m = 0, degree
         do n = 0, degree - m
-          table(derivative_index(m, n), :) = exp((x - this%corner(1))/this%width)* &
-              2.0_wp**n*sin(2*(y - this%corner(2))/this%width + n*pi/2)/this%width**(m + n)
+          table(derivative_index(m, n), :) = own_derivative(this, x, y, m, n)
         end do
       end do
     else
       call difference_derivatives(this, x, y, degree, table, error)
     end if
   end subroutine derivatives
+
+  !> ∂^(m+n)u/∂x^m∂y^n of the study's own field
+  elemental function own_derivative(field, x, y, m, n) result(value)
+    type(study_field_t), intent(in) :: field
+    real(wp), intent(in) :: x, y
+    integer, intent(in) :: m, n
+    real(wp) :: value
+
+    associate (xi => (x - field%corner(1))/field%width, eta => (y - field%corner(2))/field%width)
+      if (field%short_waves) then
+        value = 12.0_wp**m*sin(12*xi + m*pi/2)*16.0_wp**n*sin(16*eta + n*pi/2)
+      else
+        value = exp(xi)*2.0_wp**n*sin(2*eta + n*pi/2)
+      end if
+    end associate
+    value = value/field%width**(m + n)
+  end function own_derivative
 
   subroutine difference_derivatives(field, x, y, degree, table, error)
     type(study_field_t), intent(in) :: field
