@@ -8,6 +8,7 @@ program main
   use testdrive, only: run_testsuite, new_testsuite, testsuite_type, select_suite, run_selected
   use test_consistent, only: collect_consistent
   use test_effects, only: collect_effects
+  use test_melting, only: collect_melting
   use test_documents, only: collect_documents
   use test_expression, only: collect_expression
   use test_scene_contract, only: collect_scene_contract
@@ -46,6 +47,7 @@ program main
            new_testsuite('consistent', collect_consistent), &
            new_testsuite('heat', collect_heat), &
            new_testsuite('effects', collect_effects), &
+           new_testsuite('melting', collect_melting), &
            new_testsuite('hard cases', collect_hard_cases), &
            new_testsuite('kernels', collect_kernels), &
            new_testsuite('neighbour list', collect_neighbour_list), &
