@@ -377,7 +377,8 @@ contains
       call prepare_scene(body(1.0_wp, 1.0_wp, 20, 0.3_wp)//'&scheme laplacian = ''positive'' / '// &
                          '&initial temperature_expression = ''sin(9*x)*sin(7*y) > 0.5 ? 1 : '// &
                          '0'' / &boundary value = 0 / &boundary on = ''left'' value = 1 / '// &
-                         '&material '//materials(k)//' / &time end = 0.1 method = ''forward_euler'' / ', &
+                         '&material '//materials(k)// &
+                         ' / &time end = 0.1 method = ''forward_euler'' / ', &
                          simulation, error)
       if (allocated(error)) return
       call check(error, simulation%monotone_limit > 0 .and. &
@@ -416,7 +417,8 @@ contains
                    '&boundary on = ''right'' kind = ''convection'' coefficient = 10 ambient = '// &
                    '350 / &boundary on = ''top'' kind = ''radiation'' emissivity = 0.5 '// &
                    'ambient = 400 / &boundary on = ''bottom'' kind = ''insulated'' / &source '// &
-                   'power_expression = ''350-T'' / &time end = 1 tolerance = 1e-5 / ', simulation, error)
+                   'power_expression = ''350-T'' / &time end = 1 tolerance = 1e-5 / ', &
+                   simulation, error)
     if (allocated(error)) return
     expected = 500 + 10*50 + 0.5_wp*sigma*(400.0_wp**4 - 300.0_wp**4) + 50
     associate (entry => simulation%entries(size(simulation%entries)))
