@@ -1,15 +1,17 @@
-!> Runs a scene and prints where its particles are and how warm they end up: x y T, one a line.
+!> Runs a scene and prints where its particles are and how warm they end up: x y T, one a line,
+!> followed by the liquid fraction where something melts.
 !>
 !>     field_as_text [SCENE]        SCENE is data/plate.nml unless given
 !>
 !> Lines that begin with # are for people; gnuplot and numpy.loadtxt pass over them.
 program field_as_text
-  use calor, only: error_t, read_scene, scene_t, simulation_t
+  use calor, only: error_t, read_scene, scene_t, simulation_t, wp
   implicit none (type, external)
   type(error_t), allocatable :: error
   type(scene_t) :: scene
   type(simulation_t) :: simulation
   character(len=1000) :: path
+  real(wp), allocatable :: liquid(:)
   integer :: k
 
   path = 'data/plate.nml'
@@ -23,9 +25,12 @@ program field_as_text
   call simulation%run(error)
   call stop_on(error)
 
-  print '(a,f6.4,a)', '# t = ', simulation%time, ' s; x (m), y (m), temperature (K)'
+  print '(a,f6.4,a)', '# t = ', simulation%time, ' s; x (m), y (m), temperature (K)'// &
+    trim(merge(', liquid fraction', '                 ', simulation%scene%melts))
+  liquid = simulation%liquid_fraction()
   do k = 1, simulation%cloud%particles()
-    print '(3es17.9)', simulation%cloud%x(k), simulation%cloud%y(k), simulation%temperature(k)
+    print '(4es17.9)', simulation%cloud%x(k), simulation%cloud%y(k), simulation%temperature(k), &
+      liquid(k:min(k, size(liquid)))
   end do
 
 contains

@@ -10,6 +10,7 @@ program main
   use test_consistent, only: collect_consistent
   use test_convergence_study, only: collect_convergence_study
   use test_effects, only: collect_effects
+  use test_melting, only: collect_melting
   use test_documents, only: collect_documents
   use test_error_estimate, only: collect_error_estimate
   use test_expression, only: collect_expression
@@ -54,6 +55,7 @@ program main
            new_testsuite('error estimate', collect_error_estimate), &
            new_testsuite('accuracy target', collect_accuracy_target), &
            new_testsuite('effects', collect_effects), &
+           new_testsuite('melting', collect_melting), &
            new_testsuite('hard cases', collect_hard_cases), &
            new_testsuite('convergence study', collect_convergence_study), &
            new_testsuite('cost study', collect_cost_study), &

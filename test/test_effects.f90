@@ -353,9 +353,10 @@ contains
                    '&boundary on = ''right'' kind = ''insulated'' / '// &
                    '&boundary on = ''top'' kind = ''convection'' coefficient = 1 ambient = 1 / '// &
                    '&boundary on = ''bottom'' kind = ''radiation'' emissivity = 1 '// &
-                   'ambient = 1 / &time end = 0.01 /', full, error)
+                   'ambient = 1 / &time end = 0.01 / '// &
+                   '&material latent_heat = 1 solidus = 299 liquidus = 301 /', full, error)
     if (allocated(error)) return
-    call check(error, size(table) >= 5)
+    call check(error, size(table) >= 6)
     if (allocated(error)) return
     do k = 1, size(table)
       call effect_usage(plain%conduction%effects, trim(table(k)%effect%name), calls, bytes)
@@ -368,11 +369,13 @@ contains
     end do
     call check(error, .not. (allocated(plain%conduction%effects) .or. &
                              allocated(plain%conduction%power) .or. &
-                             allocated(plain%conduction%slope)), 'arrays in a plain scene')
+                             allocated(plain%conduction%slope) .or. &
+                             allocated(plain%conduction%temperature) .or. &
+                             allocated(plain%content)), 'arrays in a plain scene')
     if (allocated(error)) return
     call check(error, size(plain%effects_in_force()), 2)
     if (allocated(error)) return
-    call check(error, size(full%effects_in_force()), 6)
+    call check(error, size(full%effects_in_force()), 7)
   end subroutine test_absent
 
   subroutine test_kelvin(error)

@@ -11,6 +11,7 @@ trap 'rm -rf "$scratch"' EXIT
 
 mkdir -p "$folder"
 "$examples/field_as_text" data/plate.nml >"$scratch/plate.txt"
+"$examples/field_as_text" data/melting.nml >"$scratch/melting.txt"
 # Of the rows with h/Δ = 2.1 those of the lattice and of jitter 0.2: jitter, 1/Δ, both schemes' errors
 "$examples/error_table" | awk -F '[|/]' '$1 == "" && $3 == 2.1 && ($2 == 0 || $2 == 0.2) {
   for (level = 0; level < 3; level++) print $2, 20*2^level, $(4 + level), $(7 + level) }' \
@@ -32,7 +33,7 @@ SCENE
     "$examples/field_as_text" "$scratch/shape.nml" >"$scratch/${shape}_$arrangement.txt"
   done
 done
-for picture in plate error_table shapes; do
+for picture in plate melting error_table shapes; do
   gnuplot -e "data='$scratch/$picture.txt'; scratch='$scratch'; picture='$folder/$picture.png'" "tools/$picture.gnuplot"
   echo "$folder/$picture.png"
 done

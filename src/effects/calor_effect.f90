@@ -19,7 +19,8 @@ module calor_effect
     !> Its name, and what it is, for people
     character(len=12) :: name = ''
     character(len=60) :: summary = ''
-    !> The group of a scene that calls for it; if `key` is not blank, only where that says `value`
+    !> The group of a scene that calls for it; if `key` is not blank, only where that says `value`,
+    !> or anything at all if `value` is blank
     character(len=12) :: group = '', key = '', value = ''
     !> Why it is in force, in the scene's words
     character(len=:), allocatable :: reason
@@ -45,6 +46,13 @@ module calor_effect
     procedure :: account
     !> Lay down what flux it brings at each contact with the world
     procedure :: put_flux
+    !> Whether the unknowns are not temperatures with it, but a state that temperatures follow from;
+    !> one effect of a scene may do that
+    procedure :: maps_state
+    !> The temperatures of states, the states of temperatures, and how much of each is liquid
+    procedure :: find_temperature
+    procedure :: find_state
+    procedure :: find_liquid_fraction
   end type effect_t
 
   !> A place for any effect
@@ -151,6 +159,51 @@ contains
     associate (unused => this, also => flux)
     end associate
   end subroutine put_flux
+
+  pure function maps_state(this) result(answer)
+    class(effect_t), intent(in) :: this
+    logical :: answer
+
+    associate (unused => this)
+    end associate
+    answer = .false.
+  end function maps_state
+
+  subroutine find_temperature(this, state, temperature)
+    class(effect_t), intent(inout) :: this
+    !> State of each particle, K
+    real(wp), intent(in) :: state(:)
+    !> Its temperature
+    real(wp), intent(out) :: temperature(:)
+
+    associate (unused => this)
+    end associate
+    temperature = state
+  end subroutine find_temperature
+
+  pure subroutine find_state(this, temperature, state)
+    class(effect_t), intent(in) :: this
+    !> Temperature of each particle
+    real(wp), intent(in) :: temperature(:)
+    !> Its state, K
+    real(wp), intent(out) :: state(:)
+
+    associate (unused => this)
+    end associate
+    state = temperature
+  end subroutine find_state
+
+  pure subroutine find_liquid_fraction(this, state, fraction)
+    class(effect_t), intent(in) :: this
+    !> State of each particle, K
+    real(wp), intent(in) :: state(:)
+    !> From 0, solid, to 1, liquid
+    real(wp), intent(out) :: fraction(:)
+
+    associate (unused => this, also => state)
+    end associate
+    fraction = 0
+  end subroutine find_liquid_fraction
 
   pure function account(this) result(name)
     class(effect_t), intent(in) :: this

@@ -4,6 +4,7 @@ module calor_effects
   use calor_effect_convection, only: convection_t
   use calor_effect_flux, only: flux_t
   use calor_effect_insulated, only: insulated_t
+  use calor_effect_melting, only: melting_t
   use calor_effect_radiation, only: radiation_t
   use calor_effect_source, only: source_t
   use calor_error, only: error_t
@@ -32,6 +33,8 @@ contains
                                    'kind', 'convection'))
     call enter(table, radiation_t('radiation', 'heat radiated and received', 'boundary', &
                                   'kind', 'radiation'))
+    call enter(table, melting_t('melting', 'latent heat between solidus and liquidus', &
+                                'material', 'latent_heat'))
   end subroutine known_effects
 
   !> Add an effect to a list.
@@ -90,6 +93,7 @@ contains
     answer = .true.
     if (effect%key == '') return
     answer = group%has(trim(effect%key))
+    if (effect%value == '') return
     if (answer) answer = lower_case(group%entries(group%find(trim(effect%key)))%values(1)%text) == &
                          effect%value
   end function calls_for

@@ -116,6 +116,9 @@ module calor_scene_contract
       key_rule_t('material', 'density_expression', expression, later, '', 'the same'), &
       key_rule_t('material', 'heat_capacity', number, now, '1', 'heat capacity, J/(kg K)'), &
       key_rule_t('material', 'heat_capacity_expression', expression, later, '', 'the same'), &
+      key_rule_t('material', 'latent_heat', number, now, '', 'heat that melting takes, J/kg'), &
+      key_rule_t('material', 'solidus', number, now, '', 'temperature at which melting begins'), &
+      key_rule_t('material', 'liquidus', number, now, '', 'temperature at which all is liquid'), &
       key_rule_t('material', 'where_expression', expression, later, '', 'where it is not 0'), &
       key_rule_t('initial', 'temperature', number, now, '0', 'temperature, K'), &
       key_rule_t('initial', 'temperature_expression', expression, now, '', 'the same'), &

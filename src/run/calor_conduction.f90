@@ -1,5 +1,7 @@
 !> Heat conduction in a body of constant material, u_t = κ/(ρc) ∇²u, with held temperatures on walls
 !> and whatever effects a scene calls for.
+!>
+!> The state u is the temperature, unless an effect maps it: then u_t = κ/(ρc) ∇²T(u).
 module calor_conduction
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use calor_constants, only: worth_threads
@@ -46,6 +48,10 @@ module calor_conduction
     !> The derivative of their power over ρc, 1/s, at the temperatures of the last `linearise`;
     !> allocated where the power of any depends on the temperature
     real(wp), allocatable :: slope(:)
+    !> The effect that maps the state, a number among `effects`; 0: the state is the temperature
+    integer :: mapping = 0
+    !> The temperatures of the last state; allocated where an effect maps it
+    real(wp), allocatable :: temperature(:)
     !> Lowest and highest of all temperatures given so far
     real(wp) :: lowest = huge(1.0_wp), highest = -huge(1.0_wp)
     !> What to blame should the numbers go wrong, in a sentence; not allocated: the scheme
@@ -72,8 +78,12 @@ module calor_conduction
     procedure :: linearise
     !> The measure of temperatures: the range of those given, or what effects may bring about, K
     procedure :: temperature_scale
-    !> Put the rates of held temperatures into a rate
+    !> Put the rates of held states into a rate
     procedure :: add_held_rates
+    !> The temperatures of a state, the state of temperatures, and how much is liquid
+    procedure :: find_temperature
+    procedure :: find_state
+    procedure :: find_liquid_fraction
     procedure, private :: add_effects
     procedure, private :: allowed_range
   end type conduction_t
@@ -93,11 +103,19 @@ contains
     real(wp), intent(in) :: u(:)
     real(wp), intent(out) :: du(:)
 
-    call this%laplacian%apply_at_targets(this%diffusivity, u, du)
-    if (allocated(this%effects)) call this%add_effects(time, u, du)
+    if (this%mapping > 0) then
+      call this%effects(this%mapping)%effect%find_temperature(u, this%temperature)
+      call this%laplacian%apply_at_targets(this%diffusivity, this%temperature, du)
+      call this%add_effects(time, this%temperature, du)
+    else
+      call this%laplacian%apply_at_targets(this%diffusivity, u, du)
+      if (allocated(this%effects)) call this%add_effects(time, u, du)
+    end if
     call this%clear_prescribed(du)
   end subroutine rate
 
+  !> Where an effect maps the state, that of the unmapped state: dT/du lies between 0 and 1, and it
+  !> is the bound at all states, not the spectrum at one, that steps have to be chosen by.
   subroutine jacobian_product(this, v, product)
     class(conduction_t), intent(inout) :: this
     real(wp), intent(in) :: v(:)
@@ -130,11 +148,55 @@ contains
         allocate (before(size(held%particle)), after(size(held%particle)))
         call expression%evaluate(held%x, held%y, max(0.0_wp, time - step), values=before)
         call expression%evaluate(held%x, held%y, time + step, values=after)
+        if (this%mapping > 0) then
+          call this%effects(this%mapping)%effect%find_state((before), before)
+          call this%effects(this%mapping)%effect%find_state((after), after)
+        end if
         rate(held%particle) = (after - before)/(time + step - max(0.0_wp, time - step))
         deallocate (before, after)
       end associate
     end do
   end subroutine add_held_rates
+
+  subroutine find_temperature(this, state, temperature)
+    class(conduction_t), intent(inout) :: this
+    !> State of each particle
+    real(wp), intent(in) :: state(:)
+    !> Its temperature
+    real(wp), intent(out) :: temperature(:)
+
+    if (this%mapping > 0) then
+      call this%effects(this%mapping)%effect%find_temperature(state, temperature)
+    else
+      temperature = state
+    end if
+  end subroutine find_temperature
+
+  pure subroutine find_state(this, temperature, state)
+    class(conduction_t), intent(in) :: this
+    !> Temperature of each particle
+    real(wp), intent(in) :: temperature(:)
+    !> Its state
+    real(wp), intent(out) :: state(:)
+
+    if (this%mapping > 0) then
+      call this%effects(this%mapping)%effect%find_state(temperature, state)
+    else
+      state = temperature
+    end if
+  end subroutine find_state
+
+  pure subroutine find_liquid_fraction(this, state, fraction)
+    class(conduction_t), intent(in) :: this
+    !> State of each particle
+    real(wp), intent(in) :: state(:)
+    !> From 0, solid, to 1, liquid; 0 where nothing melts
+    real(wp), intent(out) :: fraction(:)
+
+    fraction = 0
+    if (this%mapping == 0) return
+    call this%effects(this%mapping)%effect%find_liquid_fraction(state, fraction)
+  end subroutine find_liquid_fraction
 
   !> Add to rates what the effects bring.
   subroutine add_effects(this, time, u, du)
@@ -180,6 +242,10 @@ contains
       end if
     end do
     call this%linearise(0.0_wp, temperature)
+    do k = 1, size(this%effects)
+      if (this%effects(k)%effect%maps_state()) this%mapping = k
+    end do
+    if (this%mapping > 0) allocate (this%temperature(size(temperature)), source=temperature)
   end subroutine put_in_force
 
   subroutine linearise(this, time, u)
@@ -188,13 +254,16 @@ contains
     real(wp), intent(in) :: time
     !> State
     real(wp), intent(in) :: u(:)
+    real(wp), allocatable :: temperature(:)
     integer :: k
 
     if (.not. allocated(this%slope)) return
+    allocate (temperature(size(u)))
+    call this%find_temperature(u, temperature)
     this%slope = 0
     do k = 1, size(this%effects)
       if (.not. this%effects(k)%effect%has_slope()) cycle
-      call this%effects(k)%effect%add_slope(this%medium, time, u, this%slope)
+      call this%effects(k)%effect%add_slope(this%medium, time, temperature, this%slope)
     end do
     this%slope = this%slope/this%medium%capacity
     call this%clear_prescribed(this%slope)
@@ -207,9 +276,22 @@ contains
     integer :: k
 
     do k = 1, size(this%prescribed)
-      call this%prescribed(k)%impose(time, u)
-      call this%note_range(this%prescribed(k)%temperature)
+      associate (held => this%prescribed(k))
+        call held%impose(time, u)
+        if (this%mapping > 0) u(held%particle) = states_of(held%temperature)
+        call this%note_range(held%temperature)
+      end associate
     end do
+
+  contains
+
+    pure function states_of(temperature) result(state)
+      real(wp), intent(in) :: temperature(:)
+      real(wp) :: state(size(temperature))
+
+      call this%effects(this%mapping)%effect%find_state(temperature, state)
+    end function states_of
+
   end subroutine impose
 
   subroutine clear_prescribed(this, v)
@@ -223,6 +305,23 @@ contains
   end subroutine clear_prescribed
 
   subroutine inspect(this, time, u, error)
+    class(conduction_t), intent(inout) :: this
+    real(wp), intent(in) :: time
+    real(wp), intent(in) :: u(:)
+    type(error_t), allocatable, intent(out) :: error
+    real(wp), allocatable :: temperature(:)
+
+    if (this%mapping > 0) then
+      allocate (temperature(size(u)))
+      call this%find_temperature(u, temperature)
+      call inspect_temperature(this, time, temperature, error)
+    else
+      call inspect_temperature(this, time, u, error)
+    end if
+  end subroutine inspect
+
+  !> Whether temperatures are numbers, and in the range where they belong.
+  subroutine inspect_temperature(this, time, u, error)
     class(conduction_t), intent(inout) :: this
     real(wp), intent(in) :: time
     real(wp), intent(in) :: u(:)
@@ -269,7 +368,7 @@ contains
       particle = k
     end do
     call report_excursion(this, time, particle, u(particle), error)
-  end subroutine inspect
+  end subroutine inspect_temperature
 
   !> Which particle is where it cannot be, when, and what may be the reason.
   subroutine report_excursion(this, time, particle, temperature, error)
@@ -309,7 +408,11 @@ contains
     real(wp) :: rate
 
     rate = 0
-    if (any(this%laplacian%weight < 0) .or. allocated(this%effects)) return
+    if (any(this%laplacian%weight < 0)) return
+    ! A monotone mapping with slopes up to 1 keeps the order of states; other effects need not.
+    if (allocated(this%effects)) then
+      if (size(this%effects) > 1 .or. this%mapping == 0) return
+    end if
     rate = this%diffusivity*maxval(-this%laplacian%diagonal)
   end function fastest_decay
 

@@ -89,6 +89,10 @@ contains
     end if
     call add(lines, 'Temperature', to_text(minval(simulation%temperature), digits=6)//' to '// &
              to_text(maxval(simulation%temperature), digits=6))
+    if (allocated(simulation%content)) then
+      call add(lines, 'Liquid', to_text(100*sum(simulation%cloud%area* &
+             simulation%liquid_fraction())/sum(simulation%cloud%area), digits=4)//' % of the body')
+    end if
     if (size(simulation%entries) > 0) call add(lines, 'Heat', budget(simulation))
     phases = ''
     do k = 1, size(simulation%stopwatch%phases)

@@ -23,7 +23,7 @@ module calor_heat_budget
   type :: budget_entry_t
     !> Time, s
     real(wp) :: time = 0.0_wp
-    !> Σ ρ c T, J per metre depth, and its rate, W per metre depth
+    !> Σ ρ c T, J per metre depth, and its rate, W per metre depth; latent heat included
     real(wp) :: stored = 0.0_wp, stored_rate = 0.0_wp
     !> Heat into the body by each account, W per metre depth
     real(wp), allocatable :: power(:)
@@ -168,28 +168,30 @@ contains
   end subroutine close_exactly
 
   !> The budget of a state.
-  subroutine evaluate(this, conduction, time, temperature, entry)
+  subroutine evaluate(this, conduction, time, state, entry)
     class(heat_budget_t), intent(in) :: this
     !> The heat equation
     type(conduction_t), intent(inout) :: conduction
     !> Time, s, and state
     real(wp), intent(in) :: time
-    real(wp), intent(in) :: temperature(:)
+    real(wp), intent(in) :: state(:)
     !> The budget
     type(budget_entry_t), intent(out) :: entry
     real(wp), allocatable :: rate(:), power(:), flux(:), share(:), missing(:), held(:)
+    real(wp), allocatable :: temperature(:)
     character(len=:), allocatable :: name
     integer :: k, account
 
     associate (medium => conduction%medium, contacts => conduction%medium%contacts)
       entry%time = time
-      entry%stored = medium%capacity*sum(this%weight*temperature)
+      entry%stored = medium%capacity*sum(this%weight*state)
       allocate (entry%power(size(this%account)), source=0.0_wp)
       if (.not. this%available) return
 
-      allocate (rate(size(temperature)), power(size(temperature)))
+      allocate (rate(size(state)), power(size(state)), temperature(size(state)))
+      call conduction%find_temperature(state, temperature)
       allocate (flux(size(contacts%particle)), source=0.0_wp)
-      call conduction%rate(time, temperature, rate)
+      call conduction%rate(time, state, rate)
       call conduction%add_held_rates(time, rate)
       entry%stored_rate = medium%capacity*sum(this%weight*rate)
 

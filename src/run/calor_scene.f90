@@ -148,6 +148,8 @@ module calor_scene
     !> Whether rows that cannot be exact, and an unstable operator, are run nevertheless
     logical :: allow_inexact_rows = .false., allow_unstable = .false.
     type(material_t) :: material
+    !> Whether it says what melting takes; the effect reads how much
+    logical :: melts = .false.
     !> The temperature at the start as a number, or as an expression where that is not empty
     real(wp) :: initial_temperature = 0.0_wp
     character(len=:), allocatable :: initial_expression

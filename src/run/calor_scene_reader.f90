@@ -37,6 +37,7 @@ module calor_scene_reader
   !> Fields that a run can write
   type(choice_t), parameter :: field_choices(*) = [ &
       choice_t('temperature', 'the temperature'), &
+      choice_t('liquid_fraction', 'how much is liquid, from 0 to 1, where something melts'), &
       choice_t('exact', 'the true temperature, where the scene gives it'), &
       choice_t('error', 'temperature less true temperature'), &
       choice_t('error_estimate', 'estimate of true temperature less temperature'), &
@@ -317,11 +318,31 @@ contains
                positive=.true.)
       if (allocated(error)) return
     end associate
+    scene%melts = group%has('latent_heat')
+    call require_latent_heat(group, error)
+    if (allocated(error)) return
     call file%group('initial', group)
     call get(group, 'temperature', scene%initial_temperature, error, default=0.0_wp)
     if (allocated(error)) return
     call optional_expression(group, 'temperature_expression', scene%initial_expression, error)
   end subroutine read_body
+
+  !> What is read with the effect `melting`, which is called for by the latent heat: solidus and
+  !> liquidus say nothing without it.
+  subroutine require_latent_heat(group, error)
+    type(group_t), intent(in) :: group
+    type(error_t), allocatable, intent(out) :: error
+    character(len=*), parameter :: ends(2) = [character(len=8) :: 'solidus', 'liquidus']
+    integer :: k
+
+    if (group%has('latent_heat')) return
+    do k = 1, size(ends)
+      if (.not. group%has(trim(ends(k)))) cycle
+      call raise_at(error, group, trim(ends(k)), 'it takes latent_heat to melt: give '// &
+                    'latent_heat, solidus and liquidus, or none of them.')
+      return
+    end do
+  end subroutine require_latent_heat
 
   subroutine read_boundaries(file, scene, error)
     type(scene_file_t), intent(in) :: file
@@ -412,6 +433,15 @@ contains
       scene%accuracy%estimate = .true.
     end if
     scene%accuracy%place = place_of(group, '')
+    if (scene%accuracy%estimate .and. scene%melts) then
+      call raise_at(error, group, '', 'the error is not estimated where something melts: the '// &
+                    'equation of the error holds for smooth fields. Remove &accuracy, or '// &
+                    '&material latent_heat.')
+    end if
+    if (scene%accuracy%estimate .and. scene%time%steady) then
+      call raise_at(error, group, '', 'the error of a steady temperature is not estimated; '// &
+                    'remove &accuracy, or &time steady.')
+    end if
   end subroutine read_accuracy
 
   subroutine read_output(file, scene, error)
@@ -419,9 +449,12 @@ contains
     type(scene_t), intent(inout) :: scene
     type(error_t), allocatable, intent(out) :: error
     type(group_t) :: group
+    type(text_t), allocatable :: usual(:)
     integer :: k
 
     call file%group('output', group)
+    usual = text_list(['temperature'])
+    if (scene%melts) usual = text_list([character(len=15) :: 'temperature', 'liquid_fraction'])
     associate (output => scene%output)
       output%file = ''
       output%place = place_of(group, 'file')
@@ -435,7 +468,7 @@ contains
       if (group%has('every')) call get(group, 'every', output%every, error, positive=.true.)
       if (allocated(error)) return
       call get_choices(group, 'fields', field_choices, output%fields, error, &
-                       default=text_list(['temperature']))
+                       default=usual)
       if (allocated(error)) return
       if (scene%accuracy%estimate) then
         if (all([(output%fields(k)%value /= 'error_estimate', k=1, size(output%fields))])) then
@@ -450,6 +483,12 @@ contains
           return
         end do
       end if
+      do k = 1, size(output%fields)
+        if (output%fields(k)%value /= 'liquid_fraction' .or. scene%melts) cycle
+        call raise_at(error, group, 'fields', 'the field ''liquid_fraction'' needs something '// &
+                      'that melts: give &material latent_heat, solidus and liquidus.')
+        return
+      end do
       if (scene%exact_expression /= '') return
       do k = 1, size(output%fields)
         if (all(output%fields(k)%value /= [character(len=5) :: 'exact', 'error'])) cycle

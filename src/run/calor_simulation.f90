@@ -78,6 +78,8 @@ module calor_simulation
     real(wp), allocatable :: temperature(:)
     !> The error of the temperatures, where the scene asks for it
     type(error_transport_t), allocatable :: estimate
+    !> The unknowns, where they are not the temperatures: heat contents, K
+    real(wp), allocatable :: content(:)
     !> Wall time by phase
     type(stopwatch_t) :: stopwatch
     !> The true temperature, where the scene gives it
@@ -109,6 +111,9 @@ module calor_simulation
     !> Estimate of the largest error of a temperature, K
     procedure :: estimated_maximum_error
     procedure, private :: prepare_estimate
+    !> How much of each particle is liquid, from 0 to 1
+    procedure :: liquid_fraction
+    procedure, private :: state
     procedure, private :: start_temperature
     procedure, private :: note_budget
     !> What is in force, and why
@@ -179,6 +184,10 @@ contains
     call make_scene_evolution(scene, this%cloud, scene_method(scene), this%temperature, &
                               this%conduction, rows, error, this%stopwatch, further)
     if (allocated(error)) return
+    if (this%conduction%mapping > 0) then
+      allocate (this%content(size(this%temperature)))
+      call this%conduction%find_state(this%temperature, this%content)
+    end if
     this%report = rows%report
     this%repairs = rows%repairs
     call move_alloc(rows%radius, this%radius)
@@ -243,9 +252,10 @@ contains
       call this%note_budget()
       if (allocated(this%estimate)) then
         call file%write_state(this%time, this%temperature, this%exact, file_error, &
-                              this%estimate%error)
+                              this%liquid_fraction(), this%estimate%error)
       else
-        call file%write_state(this%time, this%temperature, this%exact, file_error)
+        call file%write_state(this%time, this%temperature, this%exact, file_error, &
+                              this%liquid_fraction())
       end if
       call this%stopwatch%stop()
       if (allocated(error) .or. allocated(file_error)) exit
@@ -324,14 +334,20 @@ contains
     !> There is none, or it was not found
     type(error_t), allocatable, intent(out) :: error
     real(wp) :: tolerance
+    integer :: mapping
 
     call this%stopwatch%start('steady state')
+    ! Where nothing changes any more, heat contents do not matter.
+    mapping = this%conduction%mapping
+    this%conduction%mapping = 0
     tolerance = default_tolerance
     if (this%scene%time%tolerance > 0) tolerance = this%scene%time%tolerance
     call find_steady_state(this%conduction, this%scene%time%place, &
                            tolerance*this%conduction%temperature_scale(), this%temperature, &
                            this%newton_steps, error)
+    this%conduction%mapping = mapping
     if (allocated(error)) return
+    if (mapping > 0) call this%conduction%find_state(this%temperature, this%content)
     call this%budget%close_exactly(this%conduction)
     call this%stopwatch%stop()
   end subroutine settle
@@ -347,7 +363,11 @@ contains
     do k = 1, n
       longer(k) = this%entries(k)
     end do
-    call this%budget%evaluate(this%conduction, this%time, this%temperature, longer(n + 1))
+    if (allocated(this%content)) then
+      call this%budget%evaluate(this%conduction, this%time, this%content, longer(n + 1))
+    else
+      call this%budget%evaluate(this%conduction, this%time, this%temperature, longer(n + 1))
+    end if
     call move_alloc(longer, this%entries)
   end subroutine note_budget
 
@@ -380,7 +400,11 @@ contains
     type(error_t), allocatable, intent(out) :: error
 
     call this%stopwatch%start('steps')
-    if (allocated(this%estimate)) then
+    if (allocated(this%content)) then
+      call this%stepper%advance_to(this%conduction, this%time, time, this%content, error)
+      call this%conduction%find_temperature(this%content, this%temperature)
+      call this%stopwatch%stop()
+    else if (allocated(this%estimate)) then
       call this%stepper%advance_to(this%conduction, this%time, time, this%temperature, error, &
                                    watcher=this%estimate)
       if (.not. allocated(error)) then
@@ -393,6 +417,31 @@ contains
       call this%stopwatch%stop()
     end if
   end subroutine advance_to
+
+  !> The unknowns: heat contents where they are kept, temperatures elsewhere.
+  pure function state(this)
+    class(simulation_t), intent(in) :: this
+    real(wp), allocatable :: state(:)
+
+    if (allocated(this%content)) then
+      state = this%content
+    else
+      state = this%temperature
+    end if
+  end function state
+
+  !> An array of length 0 where nothing melts.
+  pure function liquid_fraction(this) result(fraction)
+    class(simulation_t), intent(in) :: this
+    real(wp), allocatable :: fraction(:)
+
+    if (allocated(this%content)) then
+      allocate (fraction(size(this%content)))
+      call this%conduction%find_liquid_fraction(this%content, fraction)
+    else
+      allocate (fraction(0))
+    end if
+  end function liquid_fraction
 
   function knows_exact(this) result(answer)
     class(simulation_t), intent(in) :: this
@@ -517,7 +566,7 @@ contains
     !> A pilot run of a larger cloud would take longer than its figure is worth
     integer, parameter :: pilot_steps = 15, most_particles = 100000
     type(stepper_t) :: pilot
-    real(wp), allocatable :: temperature(:)
+    real(wp), allocatable :: state(:)
     type(error_t), allocatable :: error
     real(wp) :: time
 
@@ -528,9 +577,9 @@ contains
       this%predicted_steps = 0
       if (this%cloud%particles() > most_particles) return
       pilot = this%stepper
-      temperature = this%temperature
+      state = this%state()
       time = this%time
-      call pilot%advance_to(this%conduction, time, end_time, temperature, error, &
+      call pilot%advance_to(this%conduction, time, end_time, state, error, &
                             at_most=pilot_steps)
       this%predicted_steps = pilot%steps
       if (time < end_time .and. .not. allocated(error)) then
@@ -667,7 +716,7 @@ contains
         scale = this%conduction%temperature_scale()
         stepper%tolerance = default_tolerance*scale
         if (time%tolerance > 0) stepper%tolerance = time%tolerance*scale
-        call stepper%propose_first(this%conduction, 0.0_wp, this%temperature)
+        call stepper%propose_first(this%conduction, 0.0_wp, this%state())
       else
         if (time%tolerance > 0) then
           call raise(error, status_bad_input, time%place//': tolerance: '//trim(time%method)// &

@@ -158,7 +158,7 @@ contains
     call this%file%add_static(name, values(this%place), this%pending)
   end subroutine write_static
 
-  subroutine write_state(this, time, temperature, exact, error, estimate)
+  subroutine write_state(this, time, temperature, exact, error, liquid_fraction, estimate)
     class(simulation_file_t), intent(inout) :: this
     !> Time, s
     real(wp), intent(in) :: time
@@ -168,6 +168,8 @@ contains
     type(expression_t), intent(in) :: exact
     !> The file cannot be written
     type(error_t), allocatable, intent(out) :: error
+    !> How much of each particle is liquid, in the cloud's order; used only if it is to be written
+    real(wp), intent(in), optional :: liquid_fraction(:)
     !> Estimate of true temperature less temperature; needed only for fields made of it
     real(wp), intent(in), optional :: estimate(:)
     real(wp), allocatable :: ordered(:), truth(:)
@@ -188,6 +190,10 @@ contains
       case ('temperature_corrected')
         if (present(estimate)) then
           call this%file%write_field('temperature_corrected', ordered + estimate(this%place), error)
+        end if
+      case ('liquid_fraction')
+        if (present(liquid_fraction)) then
+          call this%file%write_field('liquid_fraction', liquid_fraction(this%place), error)
         end if
       case ('exact', 'error')
         if (.not. allocated(truth)) then

@@ -65,13 +65,14 @@ contains
         part = 0.5_wp*part
       end do
       temperature = guess
-      largest = maxval(abs(change))*part
+      ! The whole correction: where only rounding is left, halving it has no meaning.
+      largest = maxval(abs(change))
       if (.not. largest <= huge(largest)) exit
-      if (largest <= tolerance .and. part >= 1) exit
+      if (largest <= tolerance) exit
     end do
     call factors%release()
     if (allocated(error)) return
-    if (.not. (largest <= tolerance .and. part >= 1)) then
+    if (.not. largest <= tolerance) then
       call raise(error, status_bad_numbers, place//': the steady temperature was not found in '// &
                  to_text(most_steps)//' Newton steps; the last one changed it by '// &
                  to_text(largest, digits=3)//' K. Start from a better &initial temperature, or '// &

@@ -2,6 +2,7 @@
 module calor_verification
   use calor_error, only: error_t
   use calor_kinds, only: wp
+  use calor_rosenthal, only: rosenthal_temperature
   use calor_scene, only: scene_t
   use calor_scene_reader, only: read_scene
   use calor_simulation, only: simulation_t
@@ -11,8 +12,15 @@ module calor_verification
   public :: verification_case_t, verification_cases, run_case
 
   !> What is compared: the relative L2 error against the scene's exact_expression, the temperature
-  !> of the particle nearest to a place, or the relative imbalance of the heat budget
-  integer, parameter :: error_of_field = 1, temperature_at = 2, imbalance = 3
+  !> of the particle nearest to a place, the relative imbalance of the heat budget, how much of the
+  !> body's length is liquid, or the relative L2 error against Rosenthal's moving source
+  integer, parameter :: error_of_field = 1, temperature_at = 2, imbalance = 3, melted_length = 4, &
+                        error_of_source = 5
+
+  !> The moving source of rosenthal.nml: where it starts, m, its power, W/m, and its speed, m/s
+  real(wp), parameter :: source_start = 0.2_wp, source_power = 1.0_wp, source_speed = 40.0_wp
+  !> How far from the source it counts as a line, and how far its surroundings are settled, m
+  real(wp), parameter :: nearest_distance = 0.05_wp, farthest_distance = 0.25_wp
 
   !> A scene of data/verification with its answer
   type :: verification_case_t
@@ -46,7 +54,15 @@ module calor_verification
       verification_case_t('radiating_body', 'lumped body, K after 20 s, by the ODE', &
                           temperature_at, 753.36_wp, 0.05_wp, 0.005_wp, 0.005_wp), &
       verification_case_t('l_shape', 'L, steady, relative imbalance of the heat budget', &
-                          imbalance, 0.0_wp, 1.0e-6_wp)]
+                          imbalance, 0.0_wp, 1.0e-6_wp), &
+      verification_case_t('stefan_0_1', 'Stefan number 0.1, similarity solution, front, m', &
+                          melted_length, 0.6_wp, 0.02_wp), &
+      verification_case_t('stefan_1', 'Stefan number 1, similarity solution, front, m', &
+                          melted_length, 0.6_wp, 0.02_wp), &
+      verification_case_t('stefan_5', 'Stefan number 5, similarity solution, front, m', &
+                          melted_length, 0.6_wp, 0.02_wp), &
+      verification_case_t('rosenthal', 'moving source, Rosenthal, relative L2 error', &
+                          error_of_source, 0.0_wp, 3.0e-2_wp)]
 
 contains
 
@@ -83,9 +99,35 @@ contains
       found = simulation%temperature(nearest)
     case (imbalance)
       found = simulation%entries(size(simulation%entries))%imbalance
+    case (melted_length)
+      associate (cloud => simulation%cloud)
+        found = sum(cloud%area*simulation%liquid_fraction())/(maxval(cloud%y) - minval(cloud%y))
+      end associate
+    case (error_of_source)
+      found = source_error(simulation)
     case default
       found = simulation%relative_l2_error()
     end select
   end subroutine run_case
+
+  !> Relative L2 error against Rosenthal's solution, around the source but not at it.
+  pure function source_error(simulation) result(deviation)
+    type(simulation_t), intent(in) :: simulation
+    real(wp) :: deviation
+    real(wp), allocatable :: ahead(:), exact(:)
+    logical, allocatable :: counts(:)
+
+    associate (cloud => simulation%cloud, material => simulation%scene%material)
+      ahead = cloud%x - (source_start + source_speed*simulation%time)
+      counts = hypot(ahead, cloud%y) > nearest_distance .and. &
+               hypot(ahead, cloud%y) < farthest_distance
+      allocate (exact(size(ahead)), source=0.0_wp)
+      where (counts) exact = rosenthal_temperature(ahead, cloud%y, source_power, source_speed, &
+                                                   material%conductivity, material%conductivity/ &
+                                                   (material%density*material%heat_capacity))
+      deviation = sqrt(sum(cloud%area*(simulation%temperature - exact)**2, counts)/ &
+                       sum(cloud%area*exact**2, counts))
+    end associate
+  end function source_error
 
 end module calor_verification
