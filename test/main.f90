@@ -21,6 +21,7 @@ program main
   use test_command_line, only: collect_command_line
   use test_examples, only: collect_examples
   use test_kernels, only: collect_kernels
+  use test_materials, only: collect_materials
   use test_neighbour_list, only: collect_neighbour_list
   use test_random, only: collect_random
   use test_shapes, only: collect_shapes
@@ -46,6 +47,7 @@ program main
            new_testsuite('consistent', collect_consistent), &
            new_testsuite('heat', collect_heat), &
            new_testsuite('effects', collect_effects), &
+           new_testsuite('materials', collect_materials), &
            new_testsuite('hard cases', collect_hard_cases), &
            new_testsuite('kernels', collect_kernels), &
            new_testsuite('neighbour list', collect_neighbour_list), &

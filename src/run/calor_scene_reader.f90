@@ -12,7 +12,8 @@ module calor_scene_reader
   use calor_kernels, only: kernel_choices
   use calor_kinds, only: wp
   use calor_laplacian_schemes, only: laplacian_choices, usual_support
-  use calor_scene, only: scene_t, domain_t, boundary_t
+  use calor_materials, only: materials_t, read_materials
+  use calor_scene, only: scene_t, domain_t, boundary_t, uniform_material_t
   use calor_scene_body, only: make_scene_body
   use calor_scene_contract, only: check_against_contract
   use calor_scene_file, only: scene_file_t, group_t, read_scene_file, parse_scene_text
@@ -300,22 +301,36 @@ contains
     type(scene_t), intent(inout) :: scene
     type(error_t), allocatable, intent(out) :: error
     type(group_t) :: group
+    type(materials_t) :: materials
 
-    call file%group('material', group)
-    associate (material => scene%material)
-      call get(group, 'conductivity', material%conductivity, error, default=1.0_wp, positive=.true.)
+    call read_materials(file, materials, error)
+    if (allocated(error)) return
+    scene%uniform_material = .not. allocated(materials%list)
+    if (scene%uniform_material) then
+      call read_uniform_material(file, scene%material, error)
       if (allocated(error)) return
-      call get(group, 'density', material%density, error, default=1.0_wp, positive=.true.)
-      if (allocated(error)) return
-      call get(group, 'heat_capacity', material%heat_capacity, error, default=1.0_wp, &
-               positive=.true.)
-      if (allocated(error)) return
-    end associate
+    end if
     call file%group('initial', group)
     call get(group, 'temperature', scene%initial_temperature, error, default=0.0_wp)
     if (allocated(error)) return
     call optional_expression(group, 'temperature_expression', scene%initial_expression, error)
   end subroutine read_body
+
+  !> One constant isotropic material
+  subroutine read_uniform_material(file, material, error)
+    type(scene_file_t), intent(in) :: file
+    type(uniform_material_t), intent(inout) :: material
+    type(error_t), allocatable, intent(out) :: error
+    type(group_t) :: group
+
+    call file%group('material', group)
+    call get(group, 'conductivity', material%conductivity, error, default=1.0_wp, positive=.true.)
+    if (allocated(error)) return
+    call get(group, 'density', material%density, error, default=1.0_wp, positive=.true.)
+    if (allocated(error)) return
+    call get(group, 'heat_capacity', material%heat_capacity, error, default=1.0_wp, &
+             positive=.true.)
+  end subroutine read_uniform_material
 
   subroutine read_boundaries(file, scene, error)
     type(scene_file_t), intent(in) :: file
