@@ -46,7 +46,7 @@ contains
                 new_unittest('repeated groups', test_repeated), &
                 new_unittest('number and expression', test_companions), &
                 new_unittest('groups for later', test_later_groups), &
-                new_unittest('keys for later', test_later_keys), &
+                new_unittest('keys of materials', test_material_keys), &
                 new_unittest('help', test_help), &
                 new_unittest('mutated scenes', test_mutations) &
                 ]
@@ -146,7 +146,9 @@ contains
     call refuse('&time end = 1 /'//lf//'&material /'//lf//'&time end = 2 /', 'a.nml, line 3: '// &
                 '&time: the group is there already, in line 1; it may stand only once.', error)
     if (allocated(error)) return
-    call refuse('&material /'//lf//'&material /', 'it may stand only once', error)
+    call refuse('&initial /'//lf//'&initial /', 'it may stand only once', error)
+    if (allocated(error)) return
+    call accept('&material / &material /', error)
     if (allocated(error)) return
     call accept('&boundary on = ''left'' / &boundary on = ''right'' / &boundary /', error)
   end subroutine test_repeated
@@ -171,23 +173,19 @@ contains
     call refuse('&checkpoint file = ''a'' /', 'cannot write checkpoints yet', error)
   end subroutine test_later_groups
 
-  subroutine test_later_keys(error)
+  subroutine test_material_keys(error)
     type(error_type), allocatable, intent(out) :: error
     character(len=*), parameter :: keys(*) = [character(len=40) :: &
-        'material where_expression = ''x''', &
-        'material conductivity_expression = ''x''', 'material density_expression = ''x''', &
-        'material heat_capacity_expression = ''x''']
+        'where_expression = ''x''', 'conductivity_expression = ''x''', &
+        'conductivity_xx = 1', 'conductivity_yy_expression = ''x''', 'conductivity_xy = 1', &
+        'density_expression = ''x''', 'heat_capacity_expression = ''x''']
     integer :: k
 
     do k = 1, size(keys)
-      call refuse('&'//trim(keys(k))//' /', &
-                  'a.nml, line 1: &'//trim(keys(k)(:scan(keys(k), '=') - 1)), error)
-      if (allocated(error)) return
-      call refuse('&'//trim(keys(k))//' /', 'this key is part of the scene format, but this '// &
-                  'version of calor cannot act upon it yet; remove it.', error)
+      call accept('&material '//trim(keys(k))//' /', error)
       if (allocated(error)) return
     end do
-  end subroutine test_later_keys
+  end subroutine test_material_keys
 
   subroutine test_help(error)
     type(error_type), allocatable, intent(out) :: error

@@ -15,6 +15,9 @@ module calor_medium
     real(wp), allocatable :: area(:)
     !> Density times heat capacity, J/(m³ K), and conductivity, W/(m K)
     real(wp) :: capacity = 1.0_wp, conductivity = 1.0_wp
+    !> Density times heat capacity of each particle, where that is not the same everywhere; else not
+    !> allocated, and the least conductivity and capacity stand above where they are
+    real(wp), allocatable :: local_capacity(:)
     !> The time to simulate, s
     real(wp) :: duration = 0.0_wp
     !> Where it touches the world
@@ -24,6 +27,8 @@ module calor_medium
     procedure :: particles
     !> How far heat comes within the time to simulate, or as far as the body reaches, m
     procedure :: reach
+    !> Density times heat capacity of a particle, J/(m³ K)
+    procedure :: capacity_of
   end type medium_t
 
 contains
@@ -34,6 +39,16 @@ contains
 
     number = size(this%x)
   end function particles
+
+  pure function capacity_of(this, particle) result(capacity)
+    class(medium_t), intent(in) :: this
+    !> The particle
+    integer, intent(in) :: particle
+    real(wp) :: capacity
+
+    capacity = this%capacity
+    if (allocated(this%local_capacity)) capacity = this%local_capacity(particle)
+  end function capacity_of
 
   pure function reach(this) result(length)
     class(medium_t), intent(in) :: this

@@ -70,7 +70,7 @@ module calor_scene_contract
       group_rule_t('domain', one, now, 'the body and the particles that it consists of'), &
       group_rule_t('kernel', one, now, 'the smoothing kernel'), &
       group_rule_t('scheme', one, now, 'how derivatives are approximated'), &
-      group_rule_t('material', one, now, 'what the body is made of'), &
+      group_rule_t('material', many, now, 'what the body is made of'), &
       group_rule_t('initial', one, now, 'the temperature at the beginning'), &
       group_rule_t('boundary', many, now, 'what happens at a part of the boundary'), &
       group_rule_t('source', many, now, 'heat set free within the body'), &
@@ -111,15 +111,21 @@ module calor_scene_contract
                  ' that are not exact'), &
       key_rule_t('scheme', 'allow_unstable', yes_no, now, '.false.', 'run an unstable scheme'), &
       key_rule_t('material', 'conductivity', number, now, '1', 'conductivity, W/(m K)'), &
-      key_rule_t('material', 'conductivity_expression', expression, later, '', 'the same'), &
+      key_rule_t('material', 'conductivity_expression', expression, now, '', 'the same'), &
+      key_rule_t('material', 'conductivity_xx', number, now, '', 'where it is a tensor'), &
+      key_rule_t('material', 'conductivity_xx_expression', expression, now, '', 'the same'), &
+      key_rule_t('material', 'conductivity_yy', number, now, '', 'where it is a tensor'), &
+      key_rule_t('material', 'conductivity_yy_expression', expression, now, '', 'the same'), &
+      key_rule_t('material', 'conductivity_xy', number, now, '0', 'where it is a tensor'), &
+      key_rule_t('material', 'conductivity_xy_expression', expression, now, '', 'the same'), &
       key_rule_t('material', 'density', number, now, '1', 'density, kg/m3'), &
-      key_rule_t('material', 'density_expression', expression, later, '', 'the same'), &
+      key_rule_t('material', 'density_expression', expression, now, '', 'the same'), &
       key_rule_t('material', 'heat_capacity', number, now, '1', 'heat capacity, J/(kg K)'), &
-      key_rule_t('material', 'heat_capacity_expression', expression, later, '', 'the same'), &
+      key_rule_t('material', 'heat_capacity_expression', expression, now, '', 'the same'), &
       key_rule_t('material', 'latent_heat', number, now, '', 'heat that melting takes, J/kg'), &
       key_rule_t('material', 'solidus', number, now, '', 'temperature at which melting begins'), &
       key_rule_t('material', 'liquidus', number, now, '', 'temperature at which all is liquid'), &
-      key_rule_t('material', 'where_expression', expression, later, '', 'where it is not 0'), &
+      key_rule_t('material', 'where_expression', expression, now, '', 'where it is not 0'), &
       key_rule_t('initial', 'temperature', number, now, '0', 'temperature, K'), &
       key_rule_t('initial', 'temperature_expression', expression, now, '', 'the same'), &
       key_rule_t('boundary', 'on', text, now, '''all''', 'which part of the boundary'), &

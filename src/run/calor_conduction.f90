@@ -1,7 +1,7 @@
-!> Heat conduction in a body of constant material, u_t = κ/(ρc) ∇²u, with held temperatures on walls
-!> and whatever effects a scene calls for.
+!> Heat conduction, ρc u_t = div(κ ∇u), with held temperatures on walls and whatever effects a scene
+!> calls for.
 !>
-!> The state u is the temperature, unless an effect maps it: then u_t = κ/(ρc) ∇²T(u).
+!> The state u is the temperature, unless an effect maps it: then ρc u_t = κ ∇²T(u).
 module calor_conduction
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use calor_constants, only: worth_threads
@@ -28,9 +28,10 @@ module calor_conduction
   integer, parameter :: most_growing_steps = 5
 
   type, extends(evolution_t) :: conduction_t
-    !> ∇² at the particles that are not held
+    !> ∇² at the particles that are not held; in a body that is not one constant isotropic material
+    !> div(κ ∇)/(ρc)
     type(sparse_operator_t) :: laplacian
-    !> κ/(ρc), m²/s
+    !> κ/(ρc), m²/s; 1 where that is in the rows
     real(wp) :: diffusivity = 1.0_wp
     !> The held particles
     type(prescribed_t), allocatable :: prescribed(:)
@@ -39,7 +40,8 @@ module calor_conduction
     integer, allocatable :: user_index(:)
     !> The particles, what they consist of and where they touch the world
     type(medium_t) :: medium
-    !> ∇² without the parts of normal derivatives at held particles, which the heat budget needs
+    !> ∇², or div(κ ∇), without the parts of normal derivatives at held particles, which the heat
+    !> budget needs
     type(sparse_operator_t) :: held_rows
     !> The effects in force beside conduction; not allocated where there are none
     type(effect_slot_t), allocatable :: effects(:)
@@ -214,6 +216,10 @@ contains
     do k = 1, size(this%effects)
       call this%effects(k)%effect%add_power(this%medium, time, u, this%power)
     end do
+    if (allocated(this%medium%local_capacity)) then
+      du = du + this%power/this%medium%local_capacity
+      return
+    end if
     !$omp parallel do if (size(du) > worth_threads) schedule(static) default(shared) private(k)
     do k = 1, size(du)
       du(k) = du(k) + this%power(k)/this%medium%capacity
@@ -265,7 +271,11 @@ contains
       if (.not. this%effects(k)%effect%has_slope()) cycle
       call this%effects(k)%effect%add_slope(this%medium, time, temperature, this%slope)
     end do
-    this%slope = this%slope/this%medium%capacity
+    if (allocated(this%medium%local_capacity)) then
+      this%slope = this%slope/this%medium%local_capacity
+    else
+      this%slope = this%slope/this%medium%capacity
+    end if
     call this%clear_prescribed(this%slope)
   end subroutine linearise
 

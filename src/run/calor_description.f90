@@ -6,6 +6,7 @@ module calor_description
   use calor_laplacian_schemes, only: laplacian_choices
   use calor_memory_need, only: memory_need, size_text
   use calor_scene, only: scene_t
+  use calor_scene_file, only: group_t
   use calor_simulation, only: simulation_t
   use calor_stable_rows, only: as_written, support_grown, positive_stencil, inexact_stencil, &
                                no_stencil
@@ -25,6 +26,7 @@ contains
     !> A simulation after `prepare`
     type(simulation_t), intent(in) :: simulation
     type(text_t), allocatable :: lines(:)
+    integer :: k
 
     allocate (lines(0))
     call add(lines, '', headline(simulation))
@@ -41,7 +43,13 @@ contains
     if (.not. simulation%scene%time%steady) then
       call add(lines, 'Stability', stability(simulation))
     end if
-    call add(lines, 'Diffusivity', to_text(simulation%conduction%diffusivity, digits=6)//' m2/s')
+    if (simulation%scene%uniform_material) then
+      call add(lines, 'Diffusivity', to_text(simulation%conduction%diffusivity, digits=6)//' m2/s')
+    else
+      do k = 1, simulation%scene%file%count('material')
+        call add(lines, 'Material', material(simulation%scene, k))
+      end do
+    end if
     call add(lines, 'Effects', effects(simulation))
     if (simulation%scene%time%steady) then
       call add(lines, 'Time', 'steady state, by Newton''s method and a sparse direct solver')
@@ -55,6 +63,21 @@ contains
              real(simulation%cloud%particles(), wp), simulation%mean_neighbours)))
     call add(lines, 'Output', output(simulation))
   end function describe_plan
+
+  !> What the scene says of a material
+  function material(scene, number) result(line)
+    type(scene_t), intent(in) :: scene
+    integer, intent(in) :: number
+    character(len=:), allocatable :: line
+    type(group_t) :: group
+    integer :: k
+
+    call scene%file%group('material', group, number)
+    line = 'number '//to_text(number)
+    do k = 1, size(group%entries)
+      line = line//', '//group%entries(k)%key//' = '//group%entries(k)%values(1)%text
+    end do
+  end function material
 
   !> The scheme and what it is
   function scheme(scene) result(line)

@@ -126,7 +126,7 @@ contains
     do row = 1, n
       first(row) = used + 1
       if (owner(row) > 0) then
-        call add_row(conduction%laplacian, owner(row))
+        call add_row(conduction%laplacian, owner(row), conduction%medium%local_capacity)
       else
         call add_row(conduction%held_rows, -owner(row))
       end if
@@ -151,18 +151,26 @@ contains
 
   contains
 
-    subroutine add_row(operator, which)
+    !> A row times the capacity of its particle, where it is one for a rate and those are different
+    subroutine add_row(operator, which, capacity)
       type(sparse_operator_t), intent(in) :: operator
       integer, intent(in) :: which
+      real(wp), allocatable, intent(in), optional :: capacity(:)
+      real(wp) :: factor
       integer :: from, to
+
+      factor = scale
+      if (present(capacity)) then
+        if (allocated(capacity)) factor = scale*capacity(operator%target(which))
+      end if
 
       from = int(operator%first(which))
       to = int(operator%first(which + 1)) - 1
       index(used + 1:used + to - from + 1) = operator%index(from:to)
-      value(used + 1:used + to - from + 1) = scale*operator%weight(from:to)
+      value(used + 1:used + to - from + 1) = factor*operator%weight(from:to)
       used = used + to - from + 2
       index(used) = operator%target(which)
-      value(used) = scale*operator%diagonal(which)
+      value(used) = factor*operator%diagonal(which)
     end subroutine add_row
 
   end subroutine close_exactly
@@ -177,14 +185,19 @@ contains
     real(wp), intent(in) :: state(:)
     !> The budget
     type(budget_entry_t), intent(out) :: entry
-    real(wp), allocatable :: rate(:), power(:), flux(:), share(:), missing(:), held(:)
+    real(wp), allocatable :: rate(:), power(:), flux(:), share(:), missing(:), held(:), capacity(:)
     real(wp), allocatable :: temperature(:)
+    real(wp) :: conductivity
     character(len=:), allocatable :: name
     integer :: k, account
 
     associate (medium => conduction%medium, contacts => conduction%medium%contacts)
       entry%time = time
-      entry%stored = medium%capacity*sum(this%weight*state)
+      capacity = [(medium%capacity_of(k), k=1, size(state))]
+      ! Rows of a body of varying material contain its conductivity.
+      conductivity = medium%conductivity
+      if (allocated(medium%local_capacity)) conductivity = 1
+      entry%stored = sum(capacity*this%weight*state)
       allocate (entry%power(size(this%account)), source=0.0_wp)
       if (.not. this%available) return
 
@@ -193,7 +206,7 @@ contains
       allocate (flux(size(contacts%particle)), source=0.0_wp)
       call conduction%rate(time, state, rate)
       call conduction%add_held_rates(time, rate)
-      entry%stored_rate = medium%capacity*sum(this%weight*rate)
+      entry%stored_rate = sum(capacity*this%weight*rate)
 
       ! What effects bring: within the body their power, through walls a flux at each contact
       allocate (missing(size(temperature)), source=0.0_wp)
@@ -212,7 +225,7 @@ contains
         end do
       end if
       ! What holding takes: the flux that the row of a held particle lacks
-      missing = medium%capacity*rate - missing
+      missing = capacity*rate - missing
       allocate (held(conduction%held_rows%rows()))
       call conduction%held_rows%apply(temperature, held)
       allocate (share(size(temperature)), source=0.0_wp)
@@ -222,7 +235,7 @@ contains
       end do
       do k = 1, size(held)
         associate (i => conduction%held_rows%target(k))
-          missing(i) = missing(i) - medium%conductivity*held(k)
+          missing(i) = missing(i) - conductivity*held(k)
           if (share(i) > 0) missing(i) = missing(i)/share(i)
         end associate
       end do
@@ -237,7 +250,7 @@ contains
         end associate
       end do
       entry%imbalance = entry%stored_rate - sum(entry%power)
-      associate (all => max(medium%capacity*sum(abs(this%weight*rate)), sum(abs(entry%power))))
+      associate (all => max(sum(abs(capacity*this%weight*rate)), sum(abs(entry%power))))
         if (all > 0) entry%imbalance = entry%imbalance/all
       end associate
     end associate

@@ -7,8 +7,8 @@ module calor_scene
   implicit none (type, external)
   private
 
-  public :: scene_t, accuracy_t, domain_t, material_t, boundary_t, time_t, output_t, operators_t, &
-            cost_t
+  public :: scene_t, accuracy_t, domain_t, uniform_material_t, boundary_t, time_t, output_t, &
+            operators_t, cost_t
 
   !> What is asked of the error
   type :: accuracy_t
@@ -43,11 +43,11 @@ module calor_scene
     character(len=:), allocatable :: place
   end type domain_t
 
-  !> What the body consists of
-  type :: material_t
+  !> What a body of one constant isotropic material consists of
+  type :: uniform_material_t
     !> W/(m K), kg/m³, J/(kg K)
     real(wp) :: conductivity = 1.0_wp, density = 1.0_wp, heat_capacity = 1.0_wp
-  end type material_t
+  end type uniform_material_t
 
   !> What holds on a part of the boundary
   type :: boundary_t
@@ -147,7 +147,10 @@ module calor_scene
     logical :: support_growth = .true.
     !> Whether rows that cannot be exact, and an unstable operator, are run nevertheless
     logical :: allow_inexact_rows = .false., allow_unstable = .false.
-    type(material_t) :: material
+    !> Whether the body is of one constant isotropic material, and that; the groups of any other are
+    !> read by calor_materials
+    logical :: uniform_material = .true.
+    type(uniform_material_t) :: material
     !> Whether it says what melting takes; the effect reads how much
     logical :: melts = .false.
     !> The temperature at the start as a number, or as an expression where that is not empty

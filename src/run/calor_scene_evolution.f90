@@ -18,7 +18,9 @@ module calor_scene_evolution
   use calor_row_report, only: row_report_t
   use calor_scene, only: scene_t
   use calor_scene_cloud, only: require_neighbours
+  use calor_scene_materials, only: scene_materials_t
   use calor_scene_walls, only: find_contacts, hold_walls
+  use calor_sparse_operator, only: sparse_operator_t
   use calor_stable_rows, only: assemble_stable_rows, row_repairs_t, as_written
   use calor_stopwatch, only: stopwatch_t
   use calor_wall_rows, only: assemble_wall_rows, wall_rows_t
@@ -82,9 +84,12 @@ contains
     type(effect_slot_t), intent(in), optional :: further(:)
     class(kernel_t), allocatable :: kernel
     type(effect_slot_t), allocatable :: effects(:)
+    type(scene_materials_t) :: materials
     integer :: k
 
     call describe_medium(scene, cloud, conduction%medium)
+    call materials%prepare(scene%file, cloud, error)
+    if (allocated(error)) return
     call find_contacts(scene, cloud, conduction%medium%contacts, error)
     if (allocated(error)) return
     call hold_walls(scene, cloud, conduction%medium%contacts, conduction%prescribed, error)
@@ -95,11 +100,15 @@ contains
     associate (material => scene%material)
       conduction%diffusivity = material%conductivity/(material%density*material%heat_capacity)
     end associate
+    if (materials%in_force) then
+      call materials%describe(conduction%medium)
+      conduction%diffusivity = 1
+    end if
     call conduction%note_range(temperature)
     call conduction%impose(0.0_wp, temperature)
     call make_kernel(scene%kernel, kernel, error)
     if (allocated(error)) return
-    call assemble(scene, cloud, method, kernel, conduction, rows, error, stopwatch)
+    call assemble(scene, cloud, method, kernel, materials, conduction, rows, error, stopwatch)
     if (allocated(error)) return
 
     call called_effects(scene%file, effects, error)
@@ -128,11 +137,12 @@ contains
   end subroutine describe_medium
 
   !> The Laplacian's rows at all particles that are not held.
-  subroutine assemble(scene, cloud, method, kernel, conduction, rows, error, stopwatch)
+  subroutine assemble(scene, cloud, method, kernel, materials, conduction, rows, error, stopwatch)
     type(scene_t), intent(in) :: scene
     type(cloud_t), intent(in) :: cloud
     type(method_t), intent(in) :: method
     class(kernel_t), intent(in) :: kernel
+    type(scene_materials_t), intent(inout) :: materials
     type(conduction_t), intent(inout) :: conduction
     type(scene_rows_t), intent(inout) :: rows
     type(error_t), allocatable, intent(out) :: error
@@ -164,9 +174,22 @@ contains
         allocate (rows%repairs%repair(size(free)), source=as_written)
       end if
     end associate
+    if (materials%in_force) call convert_inner_rows(scheme)
     call add_wall_rows(scheme)
+    if (materials%in_force) call divide_by_capacity(materials%capacity, conduction%laplacian)
 
   contains
+
+    !> From ∇² to div(K ∇) at particles inside
+    subroutine convert_inner_rows(scheme)
+      class(laplacian_scheme_t), intent(in) :: scheme
+      real(wp) :: no_normal(2, 0), no_weight(0)
+
+      call materials%convert(cloud, kernel, max(2, scheme%exact_degree()), scheme%rule(), &
+                             rows%radius, [(1, k=0, size(free))], no_normal, &
+                             conduction%laplacian, no_weight, rows%repairs%repair, &
+                             rows%repairs%quality, rows%report)
+    end subroutine convert_inner_rows
 
     !> Rows at particles on walls: those that are not held come after those of particles inside;
     !> those that are held serve the heat budget only.
@@ -223,11 +246,31 @@ contains
         call assemble_wall_rows(wall_degree(scheme), scheme%rule(), kernel, cloud%x, cloud%y, &
                                 cloud%volume, radius, particles, first, &
                                 contacts%normal(:, chosen), walls)
+        if (materials%in_force) then
+          call materials%convert(cloud, kernel, wall_degree(scheme), scheme%rule(), radius, first, &
+                                 contacts%normal(:, chosen), walls%laplacian, &
+                                 walls%slope_weight, walls%repair, walls%quality, walls%report)
+        end if
         contacts%weight(chosen) = walls%slope_weight
       end associate
     end subroutine rows_at
 
   end subroutine assemble
+
+  !> From div(K ∇) to the rate of the temperature
+  pure subroutine divide_by_capacity(capacity, operator)
+    real(wp), intent(in) :: capacity(:)
+    type(sparse_operator_t), intent(inout) :: operator
+    integer :: row
+
+    do row = 1, operator%rows()
+      associate (from => operator%first(row), to => operator%first(row + 1) - 1, &
+                 own => capacity(operator%target(row)))
+        operator%weight(from:to) = operator%weight(from:to)/own
+        operator%diagonal(row) = operator%diagonal(row)/own
+      end associate
+    end do
+  end subroutine divide_by_capacity
 
   !> The degree of polynomials that rows at walls reproduce. A row there counts for a wall only, not
   !> for an area, so that what it misses enters the solution with one power of the spacing more

@@ -12,7 +12,8 @@ module calor_scene_reader
   use calor_kernels, only: kernel_choices
   use calor_kinds, only: wp
   use calor_laplacian_schemes, only: laplacian_choices, usual_support
-  use calor_scene, only: scene_t, domain_t, boundary_t
+  use calor_materials, only: materials_t, read_materials
+  use calor_scene, only: scene_t, domain_t, boundary_t, uniform_material_t
   use calor_scene_body, only: make_scene_body
   use calor_scene_contract, only: check_against_contract
   use calor_scene_file, only: scene_file_t, group_t, read_scene_file, parse_scene_text
@@ -307,20 +308,26 @@ contains
     type(scene_t), intent(inout) :: scene
     type(error_t), allocatable, intent(out) :: error
     type(group_t) :: group
+    type(materials_t) :: materials
+    integer :: k
 
-    call file%group('material', group)
-    associate (material => scene%material)
-      call get(group, 'conductivity', material%conductivity, error, default=1.0_wp, positive=.true.)
-      if (allocated(error)) return
-      call get(group, 'density', material%density, error, default=1.0_wp, positive=.true.)
-      if (allocated(error)) return
-      call get(group, 'heat_capacity', material%heat_capacity, error, default=1.0_wp, &
-               positive=.true.)
-      if (allocated(error)) return
-    end associate
-    scene%melts = group%has('latent_heat')
-    call require_latent_heat(group, error)
+    call read_materials(file, materials, error)
     if (allocated(error)) return
+    scene%uniform_material = .not. allocated(materials%list)
+    if (scene%uniform_material) then
+      call read_uniform_material(file, scene%material, error)
+      if (allocated(error)) return
+    end if
+    do k = 1, file%count('material')
+      call file%group('material', group, k)
+      call require_latent_heat(group, error)
+      if (allocated(error)) return
+      scene%melts = scene%melts .or. group%has('latent_heat')
+      if (scene%uniform_material .or. .not. group%has('latent_heat')) cycle
+      call raise_at(error, group, 'latent_heat', 'only a body of one constant isotropic '// &
+                    'material can melt; remove latent_heat, or what varies.')
+      return
+    end do
     call file%group('initial', group)
     call get(group, 'temperature', scene%initial_temperature, error, default=0.0_wp)
     if (allocated(error)) return
@@ -343,6 +350,22 @@ contains
       return
     end do
   end subroutine require_latent_heat
+
+  !> One constant isotropic material
+  subroutine read_uniform_material(file, material, error)
+    type(scene_file_t), intent(in) :: file
+    type(uniform_material_t), intent(inout) :: material
+    type(error_t), allocatable, intent(out) :: error
+    type(group_t) :: group
+
+    call file%group('material', group)
+    call get(group, 'conductivity', material%conductivity, error, default=1.0_wp, positive=.true.)
+    if (allocated(error)) return
+    call get(group, 'density', material%density, error, default=1.0_wp, positive=.true.)
+    if (allocated(error)) return
+    call get(group, 'heat_capacity', material%heat_capacity, error, default=1.0_wp, &
+             positive=.true.)
+  end subroutine read_uniform_material
 
   subroutine read_boundaries(file, scene, error)
     type(scene_file_t), intent(in) :: file

@@ -53,6 +53,18 @@ module calor_verification
                           error_of_field, 0.0_wp, 5.0e-3_wp), &
       verification_case_t('radiating_body', 'lumped body, K after 20 s, by the ODE', &
                           temperature_at, 753.36_wp, 0.05_wp, 0.005_wp, 0.005_wp), &
+      verification_case_t('two_slabs_steady_10', 'two slabs 1:10, steady, relative L2 error', &
+                          error_of_field, 0.0_wp, 1.0e-10_wp), &
+      verification_case_t('two_slabs_10', 'two half-spaces 1:10, relative L2 error', &
+                          error_of_field, 0.0_wp, 1.0e-3_wp), &
+      verification_case_t('anisotropic_10', 'anisotropic 1:10 at 30 degrees, relative L2 error', &
+                          error_of_field, 0.0_wp, 1.0e-3_wp), &
+      verification_case_t('two_slabs_steady_1000', 'two slabs 1:1000, steady, relative L2 error', &
+                          error_of_field, 0.0_wp, 1.0e-10_wp), &
+      verification_case_t('two_slabs_1000', 'two half-spaces 1:1000, relative L2 error', &
+                          error_of_field, 0.0_wp, 2.0e-3_wp), &
+      verification_case_t('anisotropic_1000', 'anisotropic 1:1000 at 30 deg, relative L2 error', &
+                          error_of_field, 0.0_wp, 1.0e-3_wp), &
       verification_case_t('l_shape', 'L, steady, relative imbalance of the heat budget', &
                           imbalance, 0.0_wp, 1.0e-6_wp), &
       verification_case_t('stefan_0_1', 'Stefan number 0.1, similarity solution, front, m', &

@@ -1,0 +1,352 @@
+!> What a body consists of, where that is not one constant isotropic material: the groups &material
+!> of a scene, each with its region and its properties as expressions of x and y.
+!>
+!> Where regions overlap, the later group wins. A conductivity is a tensor [κxx κxy; κxy κyy].
+module calor_materials
+  use calor_error, only: error_t, raise, status_bad_input
+  use calor_expression, only: expression_t, compile_expression
+  use calor_kinds, only: wp
+  use calor_scene_file, only: scene_file_t, group_t
+  use calor_scene_getters, only: get_expression, get_varying, place_of, raise_at
+  use calor_text, only: text_t, to_text
+  implicit none (type, external)
+  private
+
+  public :: materials_t, material_t, read_materials, conductivity_names
+
+  !> The components of a conductivity, in the order of the arrays below
+  character(len=*), parameter :: conductivity_names(3) = &
+      [character(len=15) :: 'conductivity_xx', 'conductivity_yy', 'conductivity_xy']
+
+  !> One material. Its expressions are texts: arrays of compiled ones are more than gfortran 12 can
+  !> finalise, and to compile one costs nothing beside its values at all particles.
+  type :: material_t
+    !> κxx, κyy and κxy, W/(m K); all three the same but for κxy = 0 where it is isotropic
+    type(text_t) :: conductivity(3)
+    !> kg/m³, and J/(kg K)
+    type(text_t) :: density, heat_capacity
+    !> Where it is, unless everywhere
+    type(text_t) :: region
+    logical :: everywhere = .true.
+    !> Whether heat flows along the gradient
+    logical :: isotropic = .true.
+    !> Whether the conductivity depends on x or y
+    logical :: graded = .false.
+    !> Where the scene has the conductivity, the density and the heat capacity
+    character(len=:), allocatable :: place, density_place, capacity_place
+  end type material_t
+
+  !> All materials of a scene
+  type :: materials_t
+    type(material_t), allocatable :: list(:)
+  contains
+    !> The material at each of some places; 0 where there is none
+    procedure :: which
+    !> Properties of one material at some places
+    procedure :: conductivity_at
+    procedure :: capacity_at
+    !> Derivatives of its conductivity
+    procedure :: conductivity_gradient
+    !> All properties at a cloud's particles, checked
+    procedure :: fill
+  end type materials_t
+
+contains
+
+  !> Read the groups &material of a scene. Where they say that the body is of one constant isotropic
+  !> material, `materials%list` is not allocated.
+  subroutine read_materials(file, materials, error)
+    !> The groups of the scene
+    type(scene_file_t), intent(in) :: file
+    !> The materials
+    type(materials_t), intent(out) :: materials
+    !> Something in them is wrong
+    type(error_t), allocatable, intent(out) :: error
+    type(group_t) :: group
+    integer :: k
+
+    if (file%count('material') == 0) return
+    if (file%count('material') == 1) then
+      call file%group('material', group)
+      if (is_constant(group)) return
+    end if
+    allocate (materials%list(file%count('material')))
+    do k = 1, size(materials%list)
+      call file%group('material', group, k)
+      call read_one(group, materials%list(k), error)
+      if (allocated(error)) return
+    end do
+    if (size(materials%list) == 1) return
+    do k = 1, size(materials%list)
+      call file%group('material', group, k)
+      if (materials%list(k)%isotropic) cycle
+      call raise_at(error, group, '', 'a body of several materials must conduct alike in all '// &
+                    'directions: give conductivity, or a single &material.')
+      return
+    end do
+  end subroutine read_materials
+
+  !> Whether a group says nothing but numbers for an isotropic material everywhere
+  function is_constant(group) result(answer)
+    type(group_t), intent(in) :: group
+    logical :: answer
+    !> What melting takes does not make a material vary
+    character(len=*), parameter :: plain_keys(*) = [character(len=13) :: 'conductivity', &
+        'density', 'heat_capacity', 'latent_heat', 'solidus', 'liquidus']
+    integer :: k
+
+    answer = .true.
+    do k = 1, size(group%entries)
+      associate (key => group%entries(k)%key)
+        if (all(key /= plain_keys)) answer = .false.
+      end associate
+    end do
+  end function is_constant
+
+  subroutine read_one(group, material, error)
+    type(group_t), intent(in) :: group
+    type(material_t), intent(inout) :: material
+    type(error_t), allocatable, intent(out) :: error
+    type(expression_t) :: region
+    character(len=:), allocatable :: key
+    integer :: k
+
+    do k = 1, size(conductivity_names)
+      key = trim(conductivity_names(k))
+      if (group%has(key) .or. group%has(key//'_expression')) material%isotropic = .false.
+    end do
+    if (material%isotropic) then
+      call read_value(group, 'conductivity', material%conductivity(1), material%place, error, &
+                      1.0_wp, material)
+      if (allocated(error)) return
+      material%conductivity(2) = material%conductivity(1)
+    else
+      if (group%has('conductivity') .or. group%has('conductivity_expression')) then
+        call raise_at(error, group, '', 'give either conductivity, or conductivity_xx and '// &
+                      'conductivity_yy and perhaps conductivity_xy.')
+        return
+      end if
+      do k = 3, 1, -1
+        ! κxy is 0 unless given, the others have no value of their own.
+        if (k == 3) then
+          call read_value(group, trim(conductivity_names(k)), material%conductivity(k), &
+                          material%place, error, 0.0_wp, &
+                          material)
+        else
+          call read_value(group, trim(conductivity_names(k)), material%conductivity(k), &
+                          material%place, error, material=material)
+        end if
+        if (allocated(error)) return
+      end do
+    end if
+    call read_value(group, 'density', material%density, material%density_place, error, 1.0_wp)
+    if (allocated(error)) return
+    call read_value(group, 'heat_capacity', material%heat_capacity, material%capacity_place, &
+                    error, 1.0_wp)
+    if (allocated(error)) return
+    material%everywhere = .not. group%has('where_expression')
+    if (material%everywhere) return
+    call get_expression(group, 'where_expression', region, error)
+    if (allocated(error)) return
+    material%region%value = region%source()
+    call require_space(group, 'where_expression', region, error)
+  end subroutine read_one
+
+  !> Read a property; of a conductivity, note what it depends on.
+  subroutine read_value(group, key, text, place, error, default, material)
+    type(group_t), intent(in) :: group
+    !> The key without `_expression`
+    character(len=*), intent(in) :: key
+    !> The expression
+    type(text_t), intent(inout) :: text
+    !> Where the scene has it
+    character(len=:), allocatable, intent(inout) :: place
+    type(error_t), allocatable, intent(out) :: error
+    real(wp), intent(in), optional :: default
+    !> Whose conductivity it is
+    type(material_t), intent(inout), optional :: material
+    type(expression_t) :: expression
+
+    call get_varying(group, key, expression, error, default)
+    if (allocated(error)) return
+    text%value = expression%source()
+    place = place_of(group, key)
+    if (group%has(key//'_expression')) place = place_of(group, key//'_expression')
+    call require_space(group, key//'_expression', expression, error)
+    if (allocated(error) .or. .not. present(material)) return
+    if (expression%uses('x') .or. expression%uses('y')) material%graded = .true.
+  end subroutine read_value
+
+  subroutine require_space(group, key, expression, error)
+    type(group_t), intent(in) :: group
+    character(len=*), intent(in) :: key
+    type(expression_t), intent(in) :: expression
+    type(error_t), allocatable, intent(out) :: error
+
+    if (.not. (expression%uses('t') .or. expression%uses('T'))) return
+    call raise_at(error, group, key, 'it may depend on x and y only.')
+  end subroutine require_space
+
+  subroutine which(this, x, y, material)
+    class(materials_t), intent(in) :: this
+    !> Places, m
+    real(wp), intent(in) :: x(:), y(:)
+    !> Position in `list`, 0 where no material is
+    integer, intent(out) :: material(:)
+    real(wp), allocatable :: inside(:)
+    integer :: k
+
+    material = 0
+    allocate (inside(size(x)))
+    do k = 1, size(this%list)
+      if (this%list(k)%everywhere) then
+        material = k
+      else
+        call evaluate(this%list(k)%region, x, y, inside)
+        ! As everywhere in a scene, 0 is no and any number else is yes; NaN is no.
+        where (abs(inside) > 0) material = k
+      end if
+    end do
+  end subroutine which
+
+  subroutine conductivity_at(this, material, x, y, conductivity)
+    class(materials_t), intent(in) :: this
+    !> Position in `list`
+    integer, intent(in) :: material
+    !> Places, m
+    real(wp), intent(in) :: x(:), y(:)
+    !> κxx, κyy, κxy, W/(m K): a column for each place
+    real(wp), intent(out) :: conductivity(:, :)
+    real(wp), allocatable :: value(:)
+    integer :: k
+
+    allocate (value(size(x)))
+    associate (chosen => this%list(material))
+      conductivity(3, :) = 0
+      do k = 1, 3
+        if (k > 1 .and. chosen%isotropic) exit
+        call evaluate(chosen%conductivity(k), x, y, value)
+        conductivity(k, :) = value
+      end do
+      if (chosen%isotropic) conductivity(2, :) = conductivity(1, :)
+    end associate
+  end subroutine conductivity_at
+
+  subroutine capacity_at(this, material, x, y, capacity)
+    class(materials_t), intent(in) :: this
+    !> Position in `list`
+    integer, intent(in) :: material
+    !> Places, m
+    real(wp), intent(in) :: x(:), y(:)
+    !> Density times heat capacity, J/(m³ K)
+    real(wp), intent(out) :: capacity(:)
+    real(wp), allocatable :: density(:)
+
+    allocate (density(size(x)))
+    call evaluate(this%list(material)%density, x, y, density)
+    call evaluate(this%list(material)%heat_capacity, x, y, capacity)
+    capacity = density*capacity
+  end subroutine capacity_at
+
+  !> The values of an expression that has been read before
+  subroutine evaluate(text, x, y, values)
+    type(text_t), intent(in) :: text
+    real(wp), intent(in) :: x(:), y(:)
+    real(wp), intent(out) :: values(:)
+    type(expression_t) :: expression
+    type(error_t), allocatable :: error
+
+    call compile_expression(text%value, expression, error)
+    call expression%evaluate(x, y, 0.0_wp, values=values)
+  end subroutine evaluate
+
+  !> By central differences of fourth order: an expression has no other derivative.
+  subroutine conductivity_gradient(this, material, x, y, step, along_x, along_y)
+    class(materials_t), intent(in) :: this
+    !> Position in `list`
+    integer, intent(in) :: material
+    !> Places, m
+    real(wp), intent(in) :: x(:), y(:)
+    !> Step of the differences, m
+    real(wp), intent(in) :: step
+    !> ∂/∂x and ∂/∂y of κxx, κyy, κxy, a column for each place
+    real(wp), intent(out) :: along_x(:, :), along_y(:, :)
+    real(wp), allocatable :: value(:, :)
+    real(wp), parameter :: place(4) = [-2.0_wp, -1.0_wp, 1.0_wp, 2.0_wp], &
+        factor(4) = [1.0_wp, -8.0_wp, 8.0_wp, -1.0_wp]/12
+    integer :: k
+
+    along_x = 0
+    along_y = 0
+    if (.not. this%list(material)%graded) return
+    allocate (value(3, size(x)))
+    do k = 1, size(place)
+      call this%conductivity_at(material, x + place(k)*step, y, value)
+      along_x = along_x + factor(k)/step*value
+      call this%conductivity_at(material, x, y + place(k)*step, value)
+      along_y = along_y + factor(k)/step*value
+    end do
+  end subroutine conductivity_gradient
+
+  !> Every particle needs a material, a positive capacity and a positive definite conductivity.
+  subroutine fill(this, x, y, path, material, conductivity, capacity, error)
+    class(materials_t), intent(in) :: this
+    !> Coordinates of the particles, m
+    real(wp), intent(in) :: x(:), y(:)
+    !> The scene, for messages
+    character(len=*), intent(in) :: path
+    !> The material of each particle
+    integer, allocatable, intent(out) :: material(:)
+    !> κxx, κyy, κxy, W/(m K), a column for each particle
+    real(wp), allocatable, intent(out) :: conductivity(:, :)
+    !> Density times heat capacity, J/(m³ K)
+    real(wp), allocatable, intent(out) :: capacity(:)
+    !> What is wrong, and where
+    type(error_t), allocatable, intent(out) :: error
+    real(wp), allocatable :: value(:, :), product(:)
+    integer, allocatable :: member(:)
+    integer :: k, j, i
+    character(len=:), allocatable :: what
+
+    allocate (material(size(x)), conductivity(3, size(x)), capacity(size(x)))
+    call this%which(x, y, material)
+    k = findloc(material, 0, dim=1)
+    if (k > 0) then
+      call raise(error, status_bad_input, path//': no &material is at ('// &
+                 to_text(x(k), digits=6)//', '//to_text(y(k), digits=6)//'); let the first '// &
+                 '&material be without where_expression: it is wherever no other one is.')
+      return
+    end if
+    do k = 1, size(this%list)
+      member = pack([(i, i=1, size(x))], material == k)
+      allocate (value(3, size(member)), product(size(member)))
+      call this%conductivity_at(k, x(member), y(member), value)
+      call this%capacity_at(k, x(member), y(member), product)
+      conductivity(:, member) = value
+      capacity(member) = product
+      do j = 1, size(member)
+        what = ''
+        associate (kappa => value(:, j))
+          if (.not. (kappa(1) > 0 .and. kappa(1) <= huge(1.0_wp) .and. kappa(2) > 0 .and. &
+                     kappa(2) <= huge(1.0_wp))) then
+            what = this%list(k)%place//': the conductivity must be greater than 0, not '// &
+                   to_text(merge(kappa(2), kappa(1), kappa(1) > 0), digits=6)//' as'
+          else if (.not. kappa(1)*kappa(2) - kappa(3)**2 > 0) then
+            what = this%list(k)%place//': conductivity_xx conductivity_yy must be greater than '// &
+                   'conductivity_xy squared, or heat would flow from cold to hot as'
+          else if (.not. (product(j) > 0 .and. product(j) <= huge(1.0_wp))) then
+            what = this%list(k)%density_place//', '//this%list(k)%capacity_place// &
+                   ': density and heat capacity must be greater than 0; their product is '// &
+                   to_text(product(j), digits=6)
+          end if
+        end associate
+        if (what == '') cycle
+        call raise(error, status_bad_input, what//' at ('//to_text(x(member(j)), digits=6)// &
+                   ', '//to_text(y(member(j)), digits=6)//').')
+        return
+      end do
+      deallocate (value, product)
+    end do
+  end subroutine fill
+
+end module calor_materials

@@ -1,0 +1,321 @@
+!> Tests of materials: in regions, graded, of different conductivity in different directions.
+module test_materials
+  use calor_error, only: error_t
+  use calor_kinds, only: wp
+  use calor_rightmost_eigenvalue, only: jacobian_spectrum
+  use calor_scene, only: scene_t
+  use calor_scene_reader, only: interpret_scene
+  use calor_simulation, only: simulation_t
+  use calor_text, only: to_text
+  use testdrive, only: new_unittest, unittest_type, error_type, check, test_failed
+  implicit none (type, external)
+  private
+
+  public :: collect_materials
+
+  character(len=*), parameter :: schemes(2) = [character(len=40) :: &
+      '&scheme laplacian = ''fatehi_manzari'' / ', '&scheme laplacian = ''consistent'' / ']
+  real(wp), parameter :: jitters(2) = [0.0_wp, 0.2_wp]
+  !> u = 300 + 100 sin(x + 0.3) cos(y + 0.2) exp(-t)
+  character(len=*), parameter :: exact = '300+100*sin(x+0.3)*cos(y+0.2)*exp(-t)'
+  character(len=*), parameter :: manufactured = '&scene exact_expression = '''//exact//''' / '// &
+      '&initial temperature_expression = ''300+100*sin(x+0.3)*cos(y+0.2)'' / '// &
+      '&boundary value_expression = '''//exact//''' / '
+
+contains
+
+  subroutine collect_materials(testsuite)
+    type(unittest_type), allocatable, intent(out) :: testsuite(:)
+
+    testsuite = [ &
+                new_unittest('two slabs, steady: exact', test_slabs_steady), &
+                new_unittest('two slabs in time: order and stability', test_slabs_in_time), &
+                new_unittest('an oblique interface', test_oblique), &
+                new_unittest('graded material: order two and four', test_graded), &
+                new_unittest('anisotropic: order two', test_anisotropic), &
+                new_unittest('an anisotropic tensor of one value is isotropic', test_same), &
+                new_unittest('the later group wins', test_later_wins), &
+                new_unittest('one material has no arrays', test_absent), &
+                new_unittest('what cannot be', test_refusals) &
+                ]
+  end subroutine collect_materials
+
+  subroutine run_scene(text, simulation, error)
+    character(len=*), intent(in) :: text
+    type(simulation_t), intent(out) :: simulation
+    type(error_type), allocatable, intent(out) :: error
+    type(scene_t) :: scene
+    type(error_t), allocatable :: failure
+
+    call interpret_scene(text, scene, failure)
+    if (.not. allocated(failure)) call simulation%prepare(scene, failure)
+    if (.not. allocated(failure)) call simulation%run(failure)
+    if (allocated(failure)) call test_failed(error, failure%message//new_line('a')//text)
+  end subroutine run_scene
+
+  pure function rectangle(n, height, jitter) result(text)
+    integer, intent(in) :: n
+    real(wp), intent(in) :: height, jitter
+    character(len=:), allocatable :: text
+
+    text = '&domain x_range = 0, 1 y_range = 0, '//to_text(height)//' spacing = '// &
+           to_text(1.0_wp/n)//' arrangement = ''jittered'' jitter = '//to_text(jitter)//' / '
+  end function rectangle
+
+  !> A square on two spacings with a scheme, on a lattice and an irregular cloud: the order of
+  !> convergence.
+  subroutine check_orders(text, scheme, tolerance, lowest, error)
+    character(len=*), intent(in) :: text, scheme, tolerance
+    real(wp), intent(in) :: lowest
+    type(error_type), allocatable, intent(out) :: error
+    type(simulation_t) :: coarse, fine
+    real(wp) :: order
+    integer :: j
+    character(len=:), allocatable :: rest
+
+    rest = text//scheme//'&time end = 0.05 tolerance = '//tolerance//' / '
+    do j = 1, 2
+      call run_scene(rest//rectangle(16, 1.0_wp, jitters(j)), coarse, error)
+      if (allocated(error)) return
+      call run_scene(rest//rectangle(32, 1.0_wp, jitters(j)), fine, error)
+      if (allocated(error)) return
+      order = log(coarse%relative_l2_error()/fine%relative_l2_error())/log(2.0_wp)
+      call check(error, order >= lowest, scheme//'jitter '//to_text(jitters(j))//': order '// &
+                 to_text(order, digits=3)//', errors '// &
+                 to_text(coarse%relative_l2_error(), digits=3)//', '// &
+                 to_text(fine%relative_l2_error(), digits=3))
+      if (allocated(error)) return
+    end do
+  end subroutine check_orders
+
+  !> Temperature 0 and 1 on the ends, κ = 1 and r: the flux is 2 r/(1 + r).
+  subroutine test_slabs_steady(error)
+    type(error_type), allocatable, intent(out) :: error
+    character(len=*), parameter :: ratios(2) = [character(len=4) :: '10', '1000']
+    type(simulation_t) :: simulation
+    character(len=:), allocatable :: r
+    real(wp) :: flux
+    integer :: k, j, i
+
+    do k = 1, 2
+      r = trim(ratios(k))
+      do j = 1, 2
+        do i = 1, 2
+          call run_scene(rectangle(20, 0.5_wp, jitters(j))//schemes(i)//'&scene '// &
+                         'exact_expression = ''x < 0.5 ? 2*'//r//'*x/(1+'//r// &
+                         ') : 1-2*(1-x)/(1+'//r//')'' / &material density = 3 / '// &
+                         '&material conductivity = '//r//' where_expression = ''x > 0.5'' / '// &
+                         '&boundary kind = ''insulated'' / &boundary on = ''left'' value = 0 / '// &
+                         '&boundary on = ''right'' value = 1 / '// &
+                         '&time steady = .true. tolerance = 1e-12 /', simulation, error)
+          if (allocated(error)) return
+          call check(error, simulation%relative_l2_error() < 1.0e-10_wp, &
+                     to_text(simulation%relative_l2_error()))
+          if (allocated(error)) return
+          call check(error, abs(simulation%entries(1)%imbalance) < 1.0e-9_wp, &
+                     to_text(simulation%entries(1)%imbalance))
+          if (allocated(error)) return
+          ! The right wall; at its corners with the insulated ones the flux is the same.
+          flux = maxval(simulation%entries(1)%power)
+          call check(error, flux > 0.8_wp .and. flux < 1.1_wp, 'flux '//to_text(flux))
+          if (allocated(error)) return
+        end do
+      end do
+    end do
+  end subroutine test_slabs_steady
+
+  !> Two half-spaces at 1 and 0 in contact: H.S. Carslaw, J.C. Jaeger, section 2.15.
+  subroutine test_slabs_in_time(error)
+    type(error_type), allocatable, intent(out) :: error
+    real(wp), parameter :: ratios(2) = [10.0_wp, 1000.0_wp]
+    type(simulation_t) :: coarse, fine
+    character(len=:), allocatable :: rest, solution, middle
+    real(wp), allocatable :: real_parts(:), imaginary_parts(:)
+    real(wp) :: order
+    integer :: k, j
+
+    do k = 1, 2
+      middle = to_text(1/(1 + sqrt(ratios(k))))
+      solution = 'x <= 0.5 ? '//middle//'+(1-'//middle//')*erf((0.5-x)/(2*sqrt(t+0.01))) : '// &
+                 middle//'*(1-erf((x-0.5)/(2*sqrt('//to_text(ratios(k))//'*(t+0.01)))))'
+      rest = '&scene exact_expression = '''//solution//''' / '// &
+             '&initial temperature_expression = '''//solution//''' / '// &
+             '&boundary kind = ''insulated'' / '// &
+             '&boundary on = ''left'' value_expression = '''//solution//''' / '// &
+             '&boundary on = ''right'' value_expression = '''//solution//''' / '// &
+             '&material conductivity = 1 / '// &
+             '&material conductivity = '//to_text(ratios(k))//' where_expression = '// &
+             '''x > 0.5'' / &time end = 0.02 tolerance = 1e-8 / '
+      do j = 1, 2
+        call run_scene(rest//rectangle(16, 0.25_wp, jitters(j)), coarse, error)
+        if (allocated(error)) return
+        call run_scene(rest//rectangle(32, 0.25_wp, jitters(j)), fine, error)
+        if (allocated(error)) return
+        order = log(coarse%relative_l2_error()/fine%relative_l2_error())/log(2.0_wp)
+        call check(error, order > 1.5_wp .and. fine%relative_l2_error() < 1.5e-3_wp, &
+                   to_text(coarse%relative_l2_error())//' '//to_text(fine%relative_l2_error()))
+        if (allocated(error)) return
+        call jacobian_spectrum(coarse%conduction, real_parts, imaginary_parts)
+        call check(error, count(real_parts > 1.0e-9_wp*maxval(abs(real_parts))), 0)
+        if (allocated(error)) return
+      end do
+    end do
+  end subroutine test_slabs_in_time
+
+  !> A piecewise linear field across an interface at 30° to the lattice, through no particle
+  subroutine test_oblique(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(simulation_t) :: simulation
+    character(len=*), parameter :: s = '(0.8*(x-0.47)+0.6*(y-0.52))', &
+        field = s//' < 0 ? '//s//'+0.3*(-0.6*x+0.8*y) : '//s//'/50+0.3*(-0.6*x+0.8*y)'
+    integer :: j
+
+    do j = 1, 2
+      call run_scene(rectangle(15, 1.0_wp, jitters(j))//'&scene exact_expression = '''//field// &
+                     ''' / &boundary value_expression = '''//field//''' / &material / '// &
+                     '&material conductivity = 50 where_expression = '''//s//' > 0'' / '// &
+                     '&time steady = .true. tolerance = 1e-12 /', simulation, error)
+      if (allocated(error)) return
+      call check(error, simulation%relative_l2_error() < 1.0e-10_wp, &
+                 to_text(simulation%relative_l2_error()))
+      if (allocated(error)) return
+    end do
+  end subroutine test_oblique
+
+  !> κ = 1 + x y and ρc = 2 + x, with heat through the right wall
+  subroutine test_graded(error)
+    type(error_type), allocatable, intent(out) :: error
+    character(len=*), parameter :: text = manufactured// &
+        '&material conductivity_expression = ''1+x*y'' density_expression = ''2+x'' / '// &
+        '&source power_expression = ''100*exp(-t)*((2*(1+x*y)-(2+x))*sin(x+0.3)*cos(y+0.2)-'// &
+        'y*cos(x+0.3)*cos(y+0.2)+x*sin(x+0.3)*sin(y+0.2))'' / '// &
+        '&boundary on = ''right'' kind = ''flux'' flux_expression = '// &
+        '''100*(1+y)*cos(x+0.3)*cos(y+0.2)*exp(-t)'' / '
+
+    call check_orders(text, schemes(1), '1e-8', 1.7_wp, error)
+    if (allocated(error)) return
+    call check_orders(text, schemes(2), '1e-11', 3.5_wp, error)
+  end subroutine test_graded
+
+  !> Principal conductivities 1 and 1/r, the greater one at 30° to the x axis
+  subroutine test_anisotropic(error)
+    type(error_type), allocatable, intent(out) :: error
+    real(wp), parameter :: ratios(2) = [10.0_wp, 1000.0_wp]
+    character(len=:), allocatable :: xx, yy, xy
+    integer :: k, i
+
+    do k = 1, 2
+      xx = to_text(0.75_wp + 0.25_wp/ratios(k))
+      yy = to_text(0.25_wp + 0.75_wp/ratios(k))
+      xy = to_text(0.25_wp*sqrt(3.0_wp)*(1 - 1/ratios(k)))
+      do i = 1, 2
+        call check_orders(manufactured//'&material conductivity_xx = '//xx// &
+                          ' conductivity_yy = '//yy//' conductivity_xy_expression = '''//xy// &
+                          ''' / &source power_expression = ''100*exp(-t)*(('//xx//'+'//yy// &
+                          '-1)*sin(x+0.3)*cos(y+0.2)+2*'//xy//'*cos(x+0.3)*sin(y+0.2))'' / ', &
+                          schemes(i), '1e-9', 1.7_wp, error)
+        if (allocated(error)) return
+      end do
+    end do
+  end subroutine test_anisotropic
+
+  !> A tensor 3 I that is told as a tensor: the same steady field as with κ = 3, a quadratic one,
+  !> with heat through a wall.
+  subroutine test_same(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(simulation_t) :: simulation
+    integer :: j
+
+    do j = 1, 2
+      call run_scene(rectangle(10, 1.0_wp, jitters(j))// &
+                     '&scene exact_expression = ''x^2-y^2'' / '// &
+                     '&material conductivity_xx = 3 conductivity_yy = 3 / '// &
+                     '&boundary value_expression = ''x^2-y^2'' / '// &
+                     '&boundary on = ''right'' kind = ''flux'' flux = 6 / '// &
+                     '&time steady = .true. tolerance = 1e-12 /', simulation, error)
+      if (allocated(error)) return
+      call check(error, simulation%relative_l2_error() < 1.0e-10_wp, &
+                 to_text(simulation%relative_l2_error()))
+      if (allocated(error)) return
+    end do
+  end subroutine test_same
+
+  !> Capacities tell which material a particle has.
+  subroutine test_later_wins(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(simulation_t) :: simulation
+    integer :: k
+
+    call run_scene(rectangle(10, 1.0_wp, 0.0_wp)//'&boundary value = 1 / '// &
+                   '&material density = 2 / '// &
+                   '&material density = 3 where_expression = ''x > 0.25'' / '// &
+                   '&material density = 5 where_expression = ''x > 0.75'' / '// &
+                   '&time end = 0.01 /', simulation, error)
+    if (allocated(error)) return
+    do k = 1, simulation%cloud%particles()
+      associate (x => simulation%cloud%x(k))
+        call check(error, simulation%conduction%medium%local_capacity(k), &
+                   merge(5.0_wp, merge(3.0_wp, 2.0_wp, x > 0.25_wp), x > 0.75_wp))
+        if (allocated(error)) return
+      end associate
+    end do
+  end subroutine test_later_wins
+
+  !> Numbers for one material say the same as before, whether given in a group or not.
+  subroutine test_absent(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(simulation_t) :: plain, told
+
+    call run_scene(rectangle(10, 1.0_wp, 0.2_wp)//'&boundary value = 1 / &time end = 0.01 /', &
+                   plain, error)
+    if (allocated(error)) return
+    call run_scene(rectangle(10, 1.0_wp, 0.2_wp)//'&boundary value = 1 / &time end = 0.01 / '// &
+                   '&material conductivity = 1 density = 1 heat_capacity = 1 /', told, error)
+    if (allocated(error)) return
+    call check(error, .not. allocated(told%conduction%medium%local_capacity))
+    if (allocated(error)) return
+    call check(error, all(abs(plain%temperature - told%temperature) <= 0))
+  end subroutine test_absent
+
+  subroutine test_refusals(error)
+    type(error_type), allocatable, intent(out) :: error
+
+    call refuse('&material conductivity_expression = ''x-0.5'' /', &
+                'conductivity_expression = ''x-0.5'': the conductivity must be greater than 0', &
+                error)
+    if (allocated(error)) return
+    call refuse('&material conductivity_xx = 1 conductivity_yy = 1 conductivity_xy = 2 /', &
+                'conductivity_xy squared', error)
+    if (allocated(error)) return
+    call refuse('&material where_expression = ''x > 0.5'' / &material where_expression = '// &
+                '''x < 0.45'' /', 'no &material is at (0.5, ', error)
+    if (allocated(error)) return
+    call refuse('&material density_expression = ''y-2'' /', 'density', error)
+    if (allocated(error)) return
+    call refuse('&material conductivity_expression = ''1+t'' /', 'x and y only', error)
+    if (allocated(error)) return
+    call refuse('&material conductivity_expression = ''1+T'' /', 'x and y only', error)
+    if (allocated(error)) return
+    call refuse('&material density_expression = ''1+T'' /', 'x and y only', error)
+    if (allocated(error)) return
+    call refuse('&material conductivity = 1 conductivity_xx = 1 /', 'either conductivity', error)
+    if (allocated(error)) return
+    call refuse('&material conductivity_xx = 1 /', 'conductivity_yy', error)
+  end subroutine test_refusals
+
+  subroutine refuse(text, message, error)
+    character(len=*), intent(in) :: text, message
+    type(error_type), allocatable, intent(out) :: error
+    type(scene_t) :: scene
+    type(simulation_t) :: simulation
+    type(error_t), allocatable :: failure
+
+    call interpret_scene(rectangle(10, 1.0_wp, 0.0_wp)//'&boundary value = 1 / &time end = 1 / '// &
+                         text, scene, failure)
+    if (.not. allocated(failure)) call simulation%prepare(scene, failure)
+    call check(error, allocated(failure), 'not refused: '//text)
+    if (allocated(error)) return
+    call check(error, index(failure%message, message) > 0, failure%message)
+  end subroutine refuse
+
+end module test_materials
