@@ -3,7 +3,7 @@ module test_error_estimate
   use calor_error, only: error_t
   use calor_kinds, only: wp
   use calor_scene, only: scene_t
-  use calor_scene_reader, only: interpret_scene
+  use calor_scene_reader, only: interpret_scene, read_scene
   use calor_simulation, only: simulation_t
   use calor_text, only: to_text
   use test_field_reader, only: reals_in_file
@@ -25,6 +25,7 @@ contains
                 new_unittest('every scheme, lattice and irregular', test_schemes), &
                 new_unittest('errors of time steps', test_time), &
                 new_unittest('changing walls, a lower mode', test_other_field), &
+                new_unittest('scenes with other shapes and walls', test_scenes), &
                 new_unittest('a field that the scheme gets right', test_exact), &
                 new_unittest('what is written', test_written), &
                 new_unittest('without it nothing is carried along', test_absent) &
@@ -140,6 +141,37 @@ contains
     if (allocated(error)) return
     call judge(simulation, 3.0_wp, 'changing walls', error)
   end subroutine test_other_field
+
+  !> Scenes that ship with the program, as they stand
+  subroutine test_scenes(error)
+    type(test_error), allocatable, intent(out) :: error
+    character(len=*), parameter :: paths(*) = [character(len=40) :: 'data/disc.nml', &
+        'data/annulus.nml', 'data/verification/convective_slab_1.nml', &
+        'data/verification/half_space.nml', 'data/verification/anisotropic_10.nml']
+    type(scene_t) :: scene
+    type(simulation_t) :: simulation
+    type(error_t), allocatable :: failure
+    real(wp) :: effectivity
+    integer :: k
+
+    do k = 1, size(paths)
+      call read_scene(trim(paths(k)), scene, failure)
+      if (.not. allocated(failure)) then
+        scene%accuracy%estimate = .true.
+        scene%output%file = ''
+        call simulation%prepare(scene, failure)
+      end if
+      if (.not. allocated(failure)) call simulation%run(failure)
+      if (allocated(failure)) then
+        call check(error, .false., failure%message)
+        return
+      end if
+      effectivity = simulation%estimated_error()/simulation%relative_l2_error()
+      call check(error, effectivity >= lowest .and. effectivity <= highest, &
+                 trim(paths(k))//': estimated over true '//to_text(effectivity, digits=3))
+      if (allocated(error)) return
+    end do
+  end subroutine test_scenes
 
   !> A quadratic field at rest: no error, and none is estimated.
   subroutine test_exact(error)
