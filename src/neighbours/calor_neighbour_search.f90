@@ -152,8 +152,9 @@ contains
       if (radius(k) > 0) octave(k) = 2 + exponent(radius(k)) - lowest
     end do
     call counting_sort(octave, 2 + highest - lowest, all_first, all_row)
-    first = all_first(2:) - (all_first(2) - 1)
-    row = all_row(all_first(2):)
+    allocate (first(size(all_first) - 1), row(size(all_row) + 1 - all_first(2)))
+    first(:) = all_first(2:) - (all_first(2) - 1)
+    row(:) = all_row(all_first(2):)
   end subroutine sort_by_octave
 
   !> Search for the neighbours of some rows of similar radius.
