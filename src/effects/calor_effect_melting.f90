@@ -9,6 +9,7 @@
 !> Source: V. Alexiades, A.D. Solomon, Mathematical Modeling of Melting and Freezing Processes,
 !> Hemisphere 1993, chapter 4.
 module calor_effect_melting
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use calor_constants, only: worth_threads
   use calor_effect, only: effect_t
   use calor_error, only: error_t
@@ -117,12 +118,14 @@ contains
     if (complete > this%solidus) slope = (this%liquidus - this%solidus)/(complete - this%solidus)
     !$omp parallel do if (size(state) > worth_threads) schedule(static) default(shared) private(k)
     do k = 1, size(state)
-      if (state(k) <= this%solidus) then
+      ! What is no number stays none; to compare it would be a floating-point exception.
+      if (.not. ieee_is_finite(state(k))) then
+        temperature(k) = state(k)
+      else if (state(k) <= this%solidus) then
         temperature(k) = state(k)
       else if (state(k) >= complete) then
         temperature(k) = state(k) - this%rise
       else
-        ! What is no number comes here and stays none.
         temperature(k) = this%solidus + slope*(state(k) - this%solidus)
       end if
     end do
@@ -155,7 +158,9 @@ contains
     integer :: k
 
     do k = 1, size(state)
-      if (state(k) <= this%solidus) then
+      if (.not. ieee_is_finite(state(k))) then
+        fraction(k) = 0
+      else if (state(k) <= this%solidus) then
         fraction(k) = 0
       else if (state(k) >= this%liquidus + this%rise) then
         fraction(k) = 1
