@@ -5,7 +5,6 @@ module calor_text
   private
 
   public :: text_t, to_text, lower_case, join, nearest_word, suggestion, text_list, append
-  public :: append_text
 
   !> A text of any length, for arrays of texts
   type :: text_t
@@ -150,18 +149,20 @@ contains
 
   !> Put one more text at the end of a list.
   pure subroutine append(list, text)
-    !> The list
+    !> The list; not allocated, it becomes one of one text
     type(text_t), allocatable, intent(inout) :: list(:)
     !> The text
     character(len=*), intent(in) :: text
     type(text_t), allocatable :: longer(:)
-    integer :: k
+    integer :: k, n
 
-    allocate (longer(size(list) + 1))
-    do k = 1, size(list)
+    n = 0
+    if (allocated(list)) n = size(list)
+    allocate (longer(n + 1))
+    do k = 1, n
       call move_alloc(list(k)%value, longer(k)%value)
     end do
-    longer(size(longer))%value = text
+    longer(n + 1)%value = text
     call move_alloc(longer, list)
   end subroutine append
 
@@ -236,24 +237,5 @@ contains
     end do
     distance = previous(len(b))
   end function edit_distance
-
-  !> Add a text to the end of a list.
-  pure subroutine append_text(list, value)
-    !> The list; not allocated, it becomes one of one text
-    type(text_t), allocatable, intent(inout) :: list(:)
-    !> The text
-    character(len=*), intent(in) :: value
-    type(text_t), allocatable :: longer(:)
-    integer :: k, n
-
-    n = 0
-    if (allocated(list)) n = size(list)
-    allocate (longer(n + 1))
-    do k = 1, n
-      call move_alloc(list(k)%value, longer(k)%value)
-    end do
-    longer(n + 1)%value = value
-    call move_alloc(longer, list)
-  end subroutine append_text
 
 end module calor_text

@@ -10,7 +10,7 @@ module calor_description
   use calor_simulation, only: simulation_t
   use calor_stable_rows, only: as_written, support_grown, positive_stencil, inexact_stencil, &
                                no_stencil
-  use calor_text, only: text_t, to_text, join
+  use calor_text, only: text_t, to_text, join, append
   implicit none (type, external)
   private
 
@@ -144,18 +144,12 @@ contains
   subroutine add(lines, heading, content)
     type(text_t), allocatable, intent(inout) :: lines(:)
     character(len=*), intent(in) :: heading, content
-    type(text_t), allocatable :: longer(:)
-    integer :: k
 
-    allocate (longer(size(lines) + 1))
-    do k = 1, size(lines)
-      call move_alloc(lines(k)%value, longer(k)%value)
-    end do
-    longer(size(longer))%value = content
-    if (heading /= '') then
-      longer(size(longer))%value = heading//repeat(' ', heading_width - len(heading))//content
+    if (heading == '') then
+      call append(lines, content)
+    else
+      call append(lines, heading//repeat(' ', heading_width - len(heading))//content)
     end if
-    call move_alloc(longer, lines)
   end subroutine add
 
   pure function summary(choices, name) result(text)

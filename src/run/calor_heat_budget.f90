@@ -12,7 +12,7 @@ module calor_heat_budget
   use calor_kinds, only: wp
   use calor_medium, only: medium_t
   use calor_sparse_operator, only: sparse_operator_t
-  use calor_text, only: text_t, append_text
+  use calor_text, only: text_t, append
   use calor_umfpack, only: factorisation_t
   implicit none (type, external)
   private
@@ -69,7 +69,7 @@ contains
     this%weight = cloud%area
     do k = 1, size(cloud%boundary)
       if (.not. any(conduction%medium%contacts%side == k - 1)) cycle
-      call append_text(this%account, cloud%boundary(k)%value)
+      call append(this%account, cloud%boundary(k)%value)
     end do
     this%wall_account = [(place_of(this%account, cloud%boundary(k)%value), k=1, &
                           size(cloud%boundary))]
@@ -77,7 +77,7 @@ contains
     do k = 1, size(conduction%effects)
       name = conduction%effects(k)%effect%account()
       if (name == '' .or. place_of(this%account, name) > 0) cycle
-      call append_text(this%account, name)
+      call append(this%account, name)
     end do
   end subroutine prepare
 

@@ -24,7 +24,7 @@ module calor_simulation
   use calor_steady_state, only: find_steady_state
   use calor_stepper, only: stepper_t
   use calor_stopwatch, only: stopwatch_t
-  use calor_text, only: text_t, append_text, to_text
+  use calor_text, only: text_t, append, to_text
   implicit none (type, external)
   private
 
@@ -377,17 +377,17 @@ contains
     type(text_t), allocatable :: texts(:)
     integer :: k
 
-    call append_text(texts, 'conduction')
+    call append(texts, 'conduction')
     do k = 1, size(this%scene%boundaries)
       associate (boundary => this%scene%boundaries(k))
         if (boundary%kind /= 'temperature') cycle
-        call append_text(texts, 'temperature held on '''//boundary%on//'''')
+        call append(texts, 'temperature held on '''//boundary%on//'''')
       end associate
     end do
     if (.not. allocated(this%conduction%effects)) return
     do k = 1, size(this%conduction%effects)
       associate (effect => this%conduction%effects(k)%effect)
-        call append_text(texts, trim(effect%name)//' ('//effect%reason//')')
+        call append(texts, trim(effect%name)//' ('//effect%reason//')')
       end associate
     end do
   end function effects_in_force
