@@ -292,11 +292,9 @@ contains
     if (allocated(error)) return
     call refuse('&material density_expression = ''y-2'' /', 'density', error)
     if (allocated(error)) return
-    call refuse('&material conductivity_expression = ''1+t'' /', 'x and y only', error)
+    call refuse('&material conductivity_expression = ''1+t'' /', 'not on the time', error)
     if (allocated(error)) return
-    call refuse('&material conductivity_expression = ''1+T'' /', 'x and y only', error)
-    if (allocated(error)) return
-    call refuse('&material density_expression = ''1+T'' /', 'x and y only', error)
+    call refuse('&material where_expression = ''T > 0'' /', 'x and y only', error)
     if (allocated(error)) return
     call refuse('&material conductivity = 1 conductivity_xx = 1 /', 'either conductivity', error)
     if (allocated(error)) return

@@ -66,6 +66,8 @@ module calor_material_flow
     !> Make ready for rows at some particles
     procedure :: focus
     procedure :: describe
+    !> Whether two materials have an interface
+    procedure :: touch
     procedure, private :: see_interface
     procedure, private :: fill_sides
   end type material_flow_t
@@ -119,6 +121,16 @@ contains
     this%y = y(one) + near*(y(other) - y(one))
     this%side = reshape([own, this%material(other)], [used, 2])
   end subroutine find_interfaces
+
+  pure function touch(this, one, other) result(answer)
+    class(material_flow_t), intent(in) :: this
+    !> Positions of the materials
+    integer, intent(in) :: one, other
+    logical :: answer
+
+    answer = any((this%side(:, 1) == one .and. this%side(:, 2) == other) .or. &
+                 (this%side(:, 1) == other .and. this%side(:, 2) == one))
+  end function touch
 
   subroutine focus(this, materials, x, y, spacing, particles)
     class(material_flow_t), intent(inout) :: this

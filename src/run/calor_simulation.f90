@@ -184,7 +184,7 @@ contains
     call make_scene_evolution(scene, this%cloud, scene_method(scene), this%temperature, &
                               this%conduction, rows, error, this%stopwatch, further)
     if (allocated(error)) return
-    if (this%conduction%mapping > 0) then
+    if (allocated(this%conduction%content)) then
       allocate (this%content(size(this%temperature)))
       call this%conduction%find_state(this%temperature, this%content)
     end if
@@ -334,20 +334,18 @@ contains
     !> There is none, or it was not found
     type(error_t), allocatable, intent(out) :: error
     real(wp) :: tolerance
-    integer :: mapping
 
     call this%stopwatch%start('steady state')
     ! Where nothing changes any more, heat contents do not matter.
-    mapping = this%conduction%mapping
-    this%conduction%mapping = 0
+    if (allocated(this%conduction%content)) this%conduction%content%steady = .true.
     tolerance = default_tolerance
     if (this%scene%time%tolerance > 0) tolerance = this%scene%time%tolerance
     call find_steady_state(this%conduction, this%scene%time%place, &
                            tolerance*this%conduction%temperature_scale(), this%temperature, &
                            this%newton_steps, error)
-    this%conduction%mapping = mapping
+    if (allocated(this%conduction%content)) this%conduction%content%steady = .false.
     if (allocated(error)) return
-    if (mapping > 0) call this%conduction%find_state(this%temperature, this%content)
+    if (allocated(this%content)) call this%conduction%find_state(this%temperature, this%content)
     call this%budget%close_exactly(this%conduction)
     call this%stopwatch%stop()
   end subroutine settle
