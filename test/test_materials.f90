@@ -33,6 +33,8 @@ contains
                 new_unittest('an oblique interface', test_oblique), &
                 new_unittest('graded material: order two and four', test_graded), &
                 new_unittest('anisotropic: order two', test_anisotropic), &
+                new_unittest('anisotropic materials in contact', test_anisotropic_contact), &
+                new_unittest('contact in time: order', test_contact_in_time), &
                 new_unittest('an anisotropic tensor of one value is isotropic', test_same), &
                 new_unittest('the later group wins', test_later_wins), &
                 new_unittest('one material has no arrays', test_absent), &
@@ -218,6 +220,52 @@ contains
       end do
     end do
   end subroutine test_anisotropic
+
+  !> A grain beside another, their interface at 30° to the lattice: fields that are linear in either,
+  !> with continuous n·K∇T, are exact.
+  subroutine test_anisotropic_contact(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(simulation_t) :: simulation
+    ! Normal n = (0.8, 0.6), along it t = (-0.6, 0.8). Below K = n n + 4 t t + 0.5 (n t + t n), above
+    ! K = 20 n n + 2 t t - 3 (n t + t n): with T = s + 0.4 t below, the flux is 1 + 0.2 = 1.2, and
+    ! above T = g s + 0.4 t with 20 g - 1.2 = 1.2.
+    character(len=*), parameter :: s = '(0.8*(x-0.47)+0.6*(y-0.52))', &
+        t = '(-0.6*(x-0.47)+0.8*(y-0.52))', &
+        line = s//' < 0 ? '//s//'+0.4*'//t//' : 0.12*'//s//'+0.4*'//t, &
+        below = '&material conductivity_xx = 1.6 conductivity_yy = 3.4 conductivity_xy = -1.3 / ', &
+        above = '&material conductivity_xx = 16.4 conductivity_yy = 5.6 conductivity_xy = '// &
+        '7.8 where_expression = '''//s//' > 0'' / '
+    integer :: j, i
+
+    do j = 1, 2
+      do i = 1, 2
+        call run_scene(rectangle(15, 1.0_wp, jitters(j))//schemes(i)//'&scene exact_expression '// &
+                       '= '''//line//''' / &boundary value_expression = '''//line//''' / '//below// &
+                       above//'&time steady = .true. tolerance = 1e-12 /', simulation, error)
+        if (allocated(error)) return
+        call check(error, simulation%relative_l2_error() < 1.0e-10_wp, &
+                   to_text(simulation%relative_l2_error()))
+        if (allocated(error)) return
+      end do
+    end do
+  end subroutine test_anisotropic_contact
+
+  !> x < 0.5: κ = 1, T = sin(x - 0.5) cos(y) exp(-t); beyond it K = [4 1; 1 3], and T continuous with
+  !> 4 g' + τ = g: τ is 0 at x = 0.5, so g' = g/4. Sources make both obey the heat equation; with
+  !> ρc = 1 and 4.
+  subroutine test_contact_in_time(error)
+    type(error_type), allocatable, intent(out) :: error
+    character(len=*), parameter :: field = &
+        'x < 0.5 ? sin(x-0.5)*cos(y)*exp(-t) : sin(x-0.5)/4*cos(y)*exp(-t)', &
+        start = 'x < 0.5 ? sin(x-0.5)*cos(y) : sin(x-0.5)/4*cos(y)'
+    character(len=*), parameter :: text = '&scene exact_expression = '''//field//''' / &initial '// &
+        'temperature_expression = '''//start//''' / &boundary value_expression = '''//field// &
+        ''' / &material / &material conductivity_xx = 4 conductivity_yy = 3 conductivity_xy = 1 '// &
+        'density = 4 where_expression = ''x > 0.5'' / &source power_expression = ''x < 0.5 ? '// &
+        'sin(x-0.5)*cos(y)*exp(-t) : exp(-t)*((7/4-1)*sin(x-0.5)*cos(y)+0.5*cos(x-0.5)*sin(y))'' / '
+
+    call check_orders(text, schemes(1), '1e-8', 0.9_wp, error)
+  end subroutine test_contact_in_time
 
   !> A tensor 3 I that is told as a tensor: the same steady field as with κ = 3, a quadratic one,
   !> with heat through a wall.

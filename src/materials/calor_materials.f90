@@ -85,14 +85,6 @@ contains
       call read_one(group, materials%list(k), error)
       if (allocated(error)) return
     end do
-    if (size(materials%list) == 1) return
-    do k = 1, size(materials%list)
-      call file%group('material', group, k)
-      if (materials%list(k)%isotropic) cycle
-      call raise_at(error, group, '', 'a body of several materials must conduct alike in all '// &
-                    'directions: give conductivity, or a single &material.')
-      return
-    end do
   end subroutine read_materials
 
   !> Whether a group says nothing but numbers for an isotropic material everywhere

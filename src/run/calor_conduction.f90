@@ -580,13 +580,32 @@ contains
     end do
   end subroutine find_scales
 
-  !> The range where temperatures may come: where effects may raise or lower them, about that far
+  !> The range where temperatures may come, as far as that is known before: where effects may raise
+  !> or lower them without end, about as far as they will
   subroutine expected_range(this, low, high)
     class(conduction_t), intent(in) :: this
     real(wp), intent(out) :: low, high
+    integer, parameter :: times = 32
+    type(expression_t) :: expression
+    real(wp), allocatable :: given(:)
     real(wp) :: rise, any_low, any_high
+    integer :: k, j
 
     call this%find_scales(low, high, rise)
+    do k = 1, size(this%prescribed)
+      if (.not. allocated(this%prescribed(k)%expression)) cycle
+      ! What is held later counts as well.
+      expression = this%prescribed(k)%expression
+      associate (held => this%prescribed(k))
+        allocate (given(size(held%particle)))
+        do j = 1, times
+          call expression%evaluate(held%x, held%y, this%medium%duration*j/times, values=given)
+          low = min(low, minval(given, ieee_is_finite(given)))
+          high = max(high, maxval(given, ieee_is_finite(given)))
+        end do
+        deallocate (given)
+      end associate
+    end do
     call this%allowed_range(any_low, any_high)
     if (any_low >= low .and. any_high <= high) return
     low = low - rise

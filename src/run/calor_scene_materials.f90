@@ -56,7 +56,7 @@ module calor_scene_materials
     procedure :: convert
     !> What the heat content is, where that is not the temperature
     procedure :: find_content
-    procedure, private :: needs_own_rows
+    procedure, private :: reaches_across
   end type scene_materials_t
 
 contains
@@ -117,46 +117,60 @@ contains
     integer, intent(inout) :: repair(:)
     type(row_quality_t), intent(inout) :: quality
     type(row_report_t), intent(inout) :: report
-    type(flow_rows_t) :: rows
-    type(row_rule_t) :: own_rule
-    logical, allocatable :: chosen(:)
-    integer, allocatable :: place(:), own_first(:), wall(:)
-    integer :: k, own_degree, j
+    logical, allocatable :: across(:), own(:)
+    integer :: k
 
-    chosen = [(this%needs_own_rows(operator, k), k=1, operator%rows())]
-    call scale_rows(operator, this%conductivity(1, :), chosen)
-    if (.not. any(chosen)) return
-    place = pack([(k, k=1, size(chosen))], chosen)
-    allocate (own_first(size(place) + 1), wall(0))
-    do k = 1, size(place)
-      own_first(k) = size(wall) + 1
-      wall = [wall, [(j, j=first(place(k)), first(place(k) + 1) - 1)]]
-    end do
-    own_first(size(place) + 1) = size(wall) + 1
-    call this%flow%focus(this%materials, cloud%x, cloud%y, cloud%spacing, operator%target(place))
-    own_rule = rule
-    own_degree = degree
-    if (size(this%materials%list) > 1) then
+    across = [(this%reaches_across(operator, k), k=1, operator%rows())]
+    own = across .or. [(.not. this%materials%list(this%flow%material(operator%target(k)))%isotropic, &
+                        k=1, operator%rows())]
+    call scale_rows(operator, this%conductivity(1, :), own)
+    if (any(across)) then
       ! Functions are continued beyond an interface up to degree 2, which needs a few neighbours.
-      own_degree = 2
-      own_rule = row_rule_t()
-      radius(operator%target(place)) = short_support*cloud%spacing
-    else
-      own_rule%largest_ratio = max(largest_ratio, rule%largest_ratio)
+      radius(pack(operator%target, across)) = short_support*cloud%spacing
+      call make_anew(across, 2, row_rule_t())
     end if
-    call assemble_flow_rows(this%flow, own_degree, own_rule, kernel, cloud%x, cloud%y, &
-                            cloud%volume, radius, operator%target(place), own_first, &
-                            normal(:, wall), rows)
-    call replace_rows(operator, place, rows%operator)
-    slope_weight(wall) = rows%slope_weight
-    repair(place) = rows%repair
-    quality%ratio(place) = rows%quality%ratio
-    quality%residual(place) = rows%quality%residual
-    quality%stiffness(place) = rows%quality%stiffness
-    quality%neighbours(place) = rows%quality%neighbours
-    report%condition_gradient(place) = 0
-    report%condition_laplacian(place) = 0
-    report%residual(place) = rows%report%residual
+    own = own .and. .not. across
+    if (any(own)) call make_anew(own, degree, rule)
+
+  contains
+
+    !> Put flow rows into the place of some rows.
+    subroutine make_anew(chosen, own_degree, scheme_rule)
+      logical, intent(in) :: chosen(:)
+      integer, intent(in) :: own_degree
+      type(row_rule_t), intent(in) :: scheme_rule
+      type(flow_rows_t) :: rows
+      type(row_rule_t) :: own_rule
+      integer, allocatable :: place(:), own_first(:), wall(:)
+      integer :: k, j
+
+      own_rule = scheme_rule
+      if (.not. all(this%materials%list%isotropic)) then
+        own_rule%largest_ratio = max(largest_ratio, scheme_rule%largest_ratio)
+      end if
+      place = pack([(k, k=1, size(chosen))], chosen)
+      allocate (own_first(size(place) + 1), wall(0))
+      do k = 1, size(place)
+        own_first(k) = size(wall) + 1
+        wall = [wall, [(j, j=first(place(k)), first(place(k) + 1) - 1)]]
+      end do
+      own_first(size(place) + 1) = size(wall) + 1
+      call this%flow%focus(this%materials, cloud%x, cloud%y, cloud%spacing, operator%target(place))
+      call assemble_flow_rows(this%flow, own_degree, own_rule, kernel, cloud%x, cloud%y, &
+                              cloud%volume, radius, operator%target(place), own_first, &
+                              normal(:, wall), rows)
+      call replace_rows(operator, place, rows%operator)
+      slope_weight(wall) = rows%slope_weight
+      repair(place) = rows%repair
+      quality%ratio(place) = rows%quality%ratio
+      quality%residual(place) = rows%quality%residual
+      quality%stiffness(place) = rows%quality%stiffness
+      quality%neighbours(place) = rows%quality%neighbours
+      report%condition_gradient(place) = 0
+      report%condition_laplacian(place) = 0
+      report%residual(place) = rows%report%residual
+    end subroutine make_anew
+
   end subroutine convert
 
   !> The laws of heat contents; not allocated where those are the temperatures.
@@ -278,18 +292,15 @@ contains
     end do
   end subroutine require_one_factor
 
-  pure function needs_own_rows(this, operator, row) result(answer)
+  pure function reaches_across(this, operator, row) result(answer)
     class(scene_materials_t), intent(in) :: this
     type(sparse_operator_t), intent(in) :: operator
     integer, intent(in) :: row
     logical :: answer
 
-    associate (own => this%flow%material(operator%target(row)))
-      answer = .not. this%materials%list(own)%isotropic .or. &
-               any(this%flow%material(operator%index(operator%first(row): &
-                                                     operator%first(row + 1) - 1)) /= own)
-    end associate
-  end function needs_own_rows
+    answer = any(this%flow%material(operator%index(operator%first(row):operator%first(row + 1) - &
+                                                   1)) /= this%flow%material(operator%target(row)))
+  end function reaches_across
 
   !> a_ij ← a_ij (κ_i + κ_j)/2
   pure subroutine scale_rows(operator, conductivity, left_out)

@@ -6,6 +6,7 @@ module calor_simulation
   use calor_effect, only: effect_slot_t
   use calor_error, only: error_t, raise, status_bad_input, status_bad_numbers
   use calor_expression, only: expression_t, compile_expression
+  use calor_heat_content, only: heat_content_t
   use calor_heat_budget, only: heat_budget_t, budget_entry_t
   use calor_integrators, only: make_integrator
   use calor_kernel, only: kernel_t
@@ -110,6 +111,8 @@ module calor_simulation
     procedure :: estimated_error
     !> Estimate of the largest error of a temperature, K
     procedure :: estimated_maximum_error
+    !> Estimate of the error of each temperature, K
+    procedure :: error_estimate
     procedure, private :: prepare_estimate
     !> How much of each particle is liquid, from 0 to 1
     procedure :: liquid_fraction
@@ -252,7 +255,7 @@ contains
       call this%note_budget()
       if (allocated(this%estimate)) then
         call file%write_state(this%time, this%temperature, this%exact, file_error, &
-                              this%liquid_fraction(), this%estimate%error)
+                              this%liquid_fraction(), this%error_estimate())
       else
         call file%write_state(this%time, this%temperature, this%exact, file_error, &
                               this%liquid_fraction())
@@ -397,23 +400,33 @@ contains
     !> The numbers went wrong; time and temperature are those of the last good state
     type(error_t), allocatable, intent(out) :: error
 
-    call this%stopwatch%start('steps')
     if (allocated(this%content)) then
-      call this%stepper%advance_to(this%conduction, this%time, time, this%content, error)
+      call advance(this%content)
       call this%conduction%find_temperature(this%content, this%temperature)
-      call this%stopwatch%stop()
-    else if (allocated(this%estimate)) then
-      call this%stepper%advance_to(this%conduction, this%time, time, this%temperature, error, &
-                                   watcher=this%estimate)
-      if (.not. allocated(error)) then
-        call this%estimate%catch_up(this%conduction, this%time, this%temperature, error)
-      end if
-      call this%stopwatch%stop()
-      call this%stopwatch%take_over(this%estimate%stopwatch, 'steps')
     else
-      call this%stepper%advance_to(this%conduction, this%time, time, this%temperature, error)
-      call this%stopwatch%stop()
+      call advance(this%temperature)
     end if
+
+  contains
+
+    subroutine advance(state)
+      real(wp), intent(inout) :: state(:)
+
+      call this%stopwatch%start('steps')
+      if (allocated(this%estimate)) then
+        call this%stepper%advance_to(this%conduction, this%time, time, state, error, &
+                                     watcher=this%estimate)
+        if (.not. allocated(error)) then
+          call this%estimate%catch_up(this%conduction, this%time, state, error)
+        end if
+        call this%stopwatch%stop()
+        call this%stopwatch%take_over(this%estimate%stopwatch, 'steps')
+      else
+        call this%stepper%advance_to(this%conduction, this%time, time, state, error)
+        call this%stopwatch%stop()
+      end if
+    end subroutine advance
+
   end subroutine advance_to
 
   !> The unknowns: heat contents where they are kept, temperatures elsewhere.
@@ -461,23 +474,38 @@ contains
     if (norm > 0) deviation = deviation/norm
   end function relative_l2_error
 
-  pure function estimated_error(this) result(deviation)
+  !> The error of each temperature: what is carried along is that of the unknown.
+  function error_estimate(this) result(deviation)
+    class(simulation_t), intent(in) :: this
+    real(wp), allocatable :: deviation(:)
+    type(heat_content_t) :: laws
+    real(wp), allocatable :: slope(:), unused(:)
+
+    deviation = this%estimate%error
+    if (.not. allocated(this%content)) return
+    allocate (slope(size(deviation)), unused(size(deviation)))
+    laws = this%conduction%content
+    call laws%slopes(this%content, slope, unused)
+    deviation = slope*deviation
+  end function error_estimate
+
+  function estimated_error(this) result(deviation)
     class(simulation_t), intent(in) :: this
     real(wp) :: deviation
     real(wp) :: norm
 
-    associate (area => this%cloud%area, e => this%estimate%error)
+    associate (area => this%cloud%area, e => this%error_estimate())
       norm = sqrt(sum(area*(this%temperature + e)**2))
       deviation = sqrt(sum(area*e**2))
       if (norm > 0) deviation = deviation/norm
     end associate
   end function estimated_error
 
-  pure function estimated_maximum_error(this) result(largest)
+  function estimated_maximum_error(this) result(largest)
     class(simulation_t), intent(in) :: this
     real(wp) :: largest
 
-    largest = maxval(abs(this%estimate%error))
+    largest = maxval(abs(this%error_estimate()))
   end function estimated_maximum_error
 
   !> The same problem by a scheme of higher order, with which the error is carried along.
@@ -507,7 +535,7 @@ contains
                               rows, error, further=further)
     if (allocated(error)) return
     allocate (this%estimate)
-    call this%estimate%begin(this%conduction, reference, this%time, this%temperature, &
+    call this%estimate%begin(this%conduction, reference, this%time, this%state(), &
                              reference%spectral_bound())
   end subroutine prepare_estimate
 
