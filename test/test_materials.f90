@@ -1,11 +1,17 @@
 !> Tests of materials: in regions, graded, of different conductivity in different directions.
 module test_materials
   use calor_error, only: error_t
-  use calor_kinds, only: wp
+  use calor_flow_rows, only: flow_rows_t
+  use calor_kernel_wendland_c2, only: wendland_c2_t
+  use calor_kinds, only: wp, ip, i8
+  use calor_laplacian_scheme, only: row_rule_t
+  use calor_random, only: random_uniform
   use calor_rightmost_eigenvalue, only: jacobian_spectrum
   use calor_scene, only: scene_t
   use calor_scene_reader, only: interpret_scene
   use calor_simulation, only: simulation_t
+  use calor_stable_rows, only: no_stencil
+  use calor_tensor_rows, only: assemble_tensor_rows
   use calor_text, only: to_text
   use testdrive, only: new_unittest, unittest_type, error_type, check, test_failed
   implicit none (type, external)
@@ -33,6 +39,7 @@ contains
                 new_unittest('an oblique interface', test_oblique), &
                 new_unittest('graded material: order two and four', test_graded), &
                 new_unittest('anisotropic: order two', test_anisotropic), &
+                new_unittest('tensor rows of the paper''s scheme', test_tensor_rows), &
                 new_unittest('anisotropic materials in contact', test_anisotropic_contact), &
                 new_unittest('contact in time: order', test_contact_in_time), &
                 new_unittest('an anisotropic tensor of one value is isotropic', test_same), &
@@ -220,6 +227,47 @@ contains
       end do
     end do
   end subroutine test_anisotropic
+
+  !> Exact for every quadratic field, and where K varies for those whose product with it is one.
+  subroutine test_tensor_rows(error)
+    type(error_type), allocatable, intent(out) :: error
+    integer, parameter :: n = 14
+    type(wendland_c2_t) :: kernel
+    type(flow_rows_t) :: rows
+    type(row_rule_t) :: rule
+    real(wp) :: x(n*n), y(n*n), volume(n*n), radius(n*n), conductivity(3, n*n), noise(2*n*n)
+    real(wp) :: found(n*n), scale
+    integer(ip), allocatable :: inner(:)
+    integer :: k, j, ratio
+
+    noise = random_uniform(3, [(int(k, i8), k=1, 2*n*n)])
+    x = [((real(k, wp), k=1, n), j=1, n)]/n + 0.4_wp*(noise(::2) - 0.5_wp)/n
+    y = [((real(j, wp), k=1, n), j=1, n)]/n + 0.4_wp*(noise(2::2) - 0.5_wp)/n
+    volume = 1.0_wp/n**2
+    inner = pack([(int(k, ip), k=1, n*n)], min(x, y) > 0.3_wp .and. max(x, y) < 0.77_wp)
+    rule%largest_ratio = 2
+    do ratio = 1, 2
+      ! Principal conductivities 1 and 1/10 at 30°, and a tensor that is linear in place
+      conductivity = spread([0.775_wp, 0.325_wp, 0.225_wp*sqrt(3.0_wp)], 2, n*n)
+      if (ratio == 2) conductivity = reshape([(2 + x(k), 3 + y(k), 0.5_wp*x(k), k=1, n*n)], &
+                                             [3, n*n])
+      radius = 2.1_wp/n
+      call assemble_tensor_rows(conductivity, rule, kernel, x, y, volume, radius, inner, rows)
+      call check(error, count(rows%repair == no_stencil), 0)
+      if (allocated(error)) return
+      scale = n**2
+      if (ratio == 1) then
+        call rows%operator%apply(x**2 - 3*x*y + 2*y**2 + x - 1, found(:size(inner)))
+        call check(error, maxval(abs(found(:size(inner)) - 2*0.775_wp + 6*0.225_wp*sqrt(3.0_wp) - &
+                                     4*0.325_wp)) < 1.0e-13_wp*scale)
+      else
+        ! div(K∇u) with u = x + 2 y: ∂x (2 + x + x) + ∂y (x/2 + 6 + 2 y)
+        call rows%operator%apply(x + 2*y, found(:size(inner)))
+        call check(error, maxval(abs(found(:size(inner)) - 4)) < 1.0e-13_wp*scale)
+      end if
+      if (allocated(error)) return
+    end do
+  end subroutine test_tensor_rows
 
   !> A grain beside another, their interface at 30° to the lattice: fields that are linear in either,
   !> with continuous n·K∇T, are exact.

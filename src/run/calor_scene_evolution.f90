@@ -197,7 +197,8 @@ contains
       call materials%convert(cloud, kernel, max(2, scheme%exact_degree()), scheme%rule(), &
                              rows%radius, [(1, k=0, size(free))], no_normal, &
                              conduction%laplacian, no_weight, rows%repairs%repair, &
-                             rows%repairs%quality, rows%report)
+                             rows%repairs%quality, rows%report, &
+                             by_tensor=method%laplacian == 'fatehi_manzari')
     end subroutine convert_inner_rows
 
     !> Rows at particles on walls: those that are not held come after those of particles inside;
@@ -258,7 +259,8 @@ contains
         if (materials%in_force) then
           call materials%convert(cloud, kernel, wall_degree(scheme), scheme%rule(), radius, first, &
                                  contacts%normal(:, chosen), walls%laplacian, &
-                                 walls%slope_weight, walls%repair, walls%quality, walls%report)
+                                 walls%slope_weight, walls%repair, walls%quality, walls%report, &
+                                 by_tensor=.false.)
         end if
         contacts%weight(chosen) = walls%slope_weight
       end associate

@@ -3,8 +3,8 @@
 !> Where the conductivity of one material varies smoothly, the row of any scheme serves: from
 !> div(κ∇u) = [∇²(κu) + κ∇²u - u∇²κ]/2 follows Σ a_ij (κ_i + κ_j)/2 (u_j - u_i) + Σ b κ ∂u/∂n, as
 !> exact as the row, and with positive weights where the row's are. Rows that reach into another
-!> material, and rows in a body that conducts differently in different directions, are made anew by
-!> calor_flow_rows.
+!> material are made anew by calor_flow_rows. So are rows where the conductivity is a tensor, unless
+!> the paper's scheme serves there (calor_tensor_rows).
 module calor_scene_materials
   use calor_cloud, only: cloud_t
   use calor_effect, only: effect_slot_t
@@ -25,6 +25,8 @@ module calor_scene_materials
   use calor_scene_file, only: scene_file_t, group_t
   use calor_scene_getters, only: get_varying, raise_at
   use calor_sparse_operator, only: sparse_operator_t
+  use calor_stable_rows, only: no_stencil
+  use calor_tensor_rows, only: assemble_tensor_rows
   implicit none (type, external)
   private
 
@@ -96,7 +98,7 @@ contains
   end subroutine describe
 
   subroutine convert(this, cloud, kernel, degree, rule, radius, first, normal, operator, &
-                     slope_weight, repair, quality, report)
+                     slope_weight, repair, quality, report, by_tensor)
     class(scene_materials_t), intent(inout) :: this
     !> The cloud and the kernel
     type(cloud_t), intent(in) :: cloud
@@ -117,6 +119,8 @@ contains
     integer, intent(inout) :: repair(:)
     type(row_quality_t), intent(inout) :: quality
     type(row_report_t), intent(inout) :: report
+    !> Whether rows where the conductivity is a tensor are those of the paper's scheme if possible
+    logical, intent(in) :: by_tensor
     logical, allocatable :: across(:), own(:)
     integer :: k
 
@@ -130,9 +134,46 @@ contains
       call make_anew(across, 2, row_rule_t())
     end if
     own = own .and. .not. across
+    if (any(own) .and. by_tensor) call take_tensor_rows(own)
     if (any(own)) call make_anew(own, degree, rule)
 
   contains
+
+    !> Put rows of the paper's scheme into the place of some rows, which are not `chosen` any more.
+    subroutine take_tensor_rows(chosen)
+      logical, intent(inout) :: chosen(:)
+      type(flow_rows_t) :: rows
+      type(row_rule_t) :: own_rule
+      integer, allocatable :: place(:)
+      integer :: k
+
+      own_rule = rule
+      own_rule%largest_ratio = max(largest_ratio, rule%largest_ratio)
+      place = pack([(k, k=1, size(chosen))], chosen)
+      call assemble_tensor_rows(this%conductivity, own_rule, kernel, cloud%x, cloud%y, &
+                                cloud%volume, radius, operator%target(place), rows)
+      call put_in_place(place, rows)
+      do k = 1, size(place)
+        ! A support that has grown into another material is no good.
+        chosen(place(k)) = rows%repair(k) == no_stencil .or. &
+                           this%reaches_across(operator, place(k))
+      end do
+    end subroutine take_tensor_rows
+
+    subroutine put_in_place(place, rows)
+      integer, intent(in) :: place(:)
+      type(flow_rows_t), intent(in) :: rows
+
+      call replace_rows(operator, place, rows%operator)
+      repair(place) = rows%repair
+      quality%ratio(place) = rows%quality%ratio
+      quality%residual(place) = rows%quality%residual
+      quality%stiffness(place) = rows%quality%stiffness
+      quality%neighbours(place) = rows%quality%neighbours
+      report%condition_gradient(place) = rows%report%condition_gradient
+      report%condition_laplacian(place) = rows%report%condition_laplacian
+      report%residual(place) = rows%report%residual
+    end subroutine put_in_place
 
     !> Put flow rows into the place of some rows.
     subroutine make_anew(chosen, own_degree, scheme_rule)
@@ -159,16 +200,8 @@ contains
       call assemble_flow_rows(this%flow, own_degree, own_rule, kernel, cloud%x, cloud%y, &
                               cloud%volume, radius, operator%target(place), own_first, &
                               normal(:, wall), rows)
-      call replace_rows(operator, place, rows%operator)
+      call put_in_place(place, rows)
       slope_weight(wall) = rows%slope_weight
-      repair(place) = rows%repair
-      quality%ratio(place) = rows%quality%ratio
-      quality%residual(place) = rows%quality%residual
-      quality%stiffness(place) = rows%quality%stiffness
-      quality%neighbours(place) = rows%quality%neighbours
-      report%condition_gradient(place) = 0
-      report%condition_laplacian(place) = 0
-      report%residual(place) = rows%report%residual
     end subroutine make_anew
 
   end subroutine convert
