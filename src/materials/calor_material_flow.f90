@@ -64,6 +64,8 @@ module calor_material_flow
     !> Points on interfaces, m, and the materials on both sides
     real(wp), allocatable, private :: x(:), y(:)
     integer, allocatable, private :: side(:, :)
+    !> The spacing, m
+    real(wp), private :: width = 0.0_wp
     !> Where a particle stands in the arrays below; 0: not at all
     integer, allocatable, private :: position(:)
     !> κxx, κyy, κxy, and div K, W/(m K) and W/(m² K)
@@ -98,6 +100,7 @@ contains
     real(wp), allocatable :: near(:), far(:), middle(:)
     integer :: k, i, used, pass
 
+    this%width = spacing
     call build_neighbour_list(x, y, [(reach*spacing, k=1, size(x))], list)
     do pass = 1, 2
       used = 0
@@ -303,7 +306,7 @@ contains
   end function between
 
   subroutine describe(this, particle, neighbours, dx, dy, radius, degree, wanted, basis, known, &
-                      outward, slope, pace)
+                      outward, slope, pace, ease)
     class(material_flow_t), intent(in) :: this
     integer(ip), intent(in) :: particle
     integer(ip), intent(in) :: neighbours(:)
@@ -315,6 +318,7 @@ contains
     real(wp), intent(in) :: outward(:, :)
     real(wp), intent(out) :: slope(:, :)
     real(wp), intent(out) :: pace
+    real(wp), intent(out) :: ease(:)
     real(wp) :: beyond(5, 6), s, t
     integer :: k, a, b, j
 
@@ -339,7 +343,9 @@ contains
           end do
         end do
       end do
+      ease = 1
       do j = this%first(here), this%first(here + 1) - 1
+        call find_ease(this%crossing(j), this%width/radius, dx, dy, radius, ease)
         call continue_beyond(this%crossing(j), radius, beyond)
         associate (crossing => this%crossing(j))
           pace = max(pace, (crossing%there%n + crossing%there%p)/ &
@@ -364,6 +370,38 @@ contains
       end do
     end associate
   end subroutine describe
+
+  !> A particle nearer to an interface than half a spacing conducts partly as the other material
+  !> does, as in finite volumes; between two particles the harmonic mean counts.
+  pure subroutine find_ease(crossing, width, dx, dy, radius, ease)
+    type(crossing_t), intent(in) :: crossing
+    !> The spacing in units of the support radius
+    real(wp), intent(in) :: width
+    !> Offsets in the same unit, and that, m
+    real(wp), intent(in) :: dx(:), dy(:), radius
+    real(wp), intent(inout) :: ease(:)
+    real(wp) :: own, other, across
+    integer :: k
+
+    across = dot_product(crossing%foot, crossing%normal)/radius
+    own = mixed(-across)
+    do k = 1, size(ease)
+      other = mixed(dx(k)*crossing%normal(1) + dy(k)*crossing%normal(2) - across)
+      ease(k) = max(ease(k), 2*own*other/((own + other)*crossing%here%n))
+    end do
+
+  contains
+
+    !> The conductivity of a particle at some distance beyond the interface
+    pure function mixed(s) result(n)
+      real(wp), intent(in) :: s
+      real(wp) :: n
+
+      n = crossing%here%n + (crossing%there%n - crossing%here%n)* &
+          min(1.0_wp, max(0.0_wp, 0.5_wp + s/width))
+    end function mixed
+
+  end subroutine find_ease
 
   !> u₀, g', τ, a', b', c of x, y, x², xy, y², offsets from the particle in units of a radius: a row
   !> for each.
