@@ -160,8 +160,8 @@ contains
         call run_scene(rectangle(10, 0.5_wp, jitters(j))//schemes(i)//'&scene exact_expression '// &
                        '= ''sqrt(1+15*x)-1'' / &material conductivity_expression = ''1+T'' '// &
                        'density_expression = ''2+T'' / &boundary kind = ''insulated'' / '// &
-                       '&boundary on = ''left'' value = 0 / &boundary on = ''right'' value = 3 / '// &
-                       '&time steady = .true. tolerance = 1e-12 /', simulation, error)
+                       '&boundary on = ''left'' value = 0 / &boundary on = ''right'' value = '// &
+                       '3 / &time steady = .true. tolerance = 1e-12 /', simulation, error)
         if (allocated(error)) return
         call check(error, simulation%relative_l2_error() < 1.0e-11_wp, &
                    to_text(simulation%relative_l2_error()))
@@ -206,8 +206,9 @@ contains
     type(error_type), allocatable, intent(out) :: error
     character(len=*), parameter :: text = '&scene exact_expression = '// &
         '''sqrt(4+2*exp(x)*cos(y))-1'' / &material conductivity_expression = ''1+T'' / '// &
-        '&initial temperature = 1.5 / &boundary value_expression = ''sqrt(4+2*exp(x)*cos(y))-1'''// &
-        ' / &boundary on = ''top'' kind = ''flux'' flux_expression = ''-exp(x)*sin(y)'' / '// &
+        '&initial temperature = 1.5 / &boundary value_expression = '// &
+        '''sqrt(4+2*exp(x)*cos(y))-1'' / &boundary on = ''top'' kind = ''flux'' flux_expression '// &
+        '= ''-exp(x)*sin(y)'' / '// &
         '&time steady = .true. tolerance = 1e-12 / '
 
     call check_orders(text//schemes(1), 1.7_wp, error)
@@ -347,9 +348,9 @@ contains
       if (allocated(error)) return
       ! A thin sheet in a furnace: the slope at its end is some 1000 times that at the start.
       call run_scene('&domain x_range = 0, 0.01 y_range = 0, 0.01 spacing = 0.001 / &material '// &
-                     'conductivity = 1e-4 density = 10 / &initial temperature = 100 / &boundary '// &
-                     'kind = ''radiation'' emissivity = 1 ambient = 3000 / &time end = 0.02 '// &
-                     methods(k)//' / ', simulation, error)
+                     'conductivity = 1e-4 density = 10 / &initial temperature = 100 / '// &
+                     '&boundary kind = ''radiation'' emissivity = 1 ambient = 3000 / &time end '// &
+                     '= 0.02 '//methods(k)//' / ', simulation, error)
       if (allocated(error)) return
       call check(error, maxval(simulation%temperature) < 3000.1_wp .and. &
                  maxval(simulation%temperature) > 2000, to_text(maxval(simulation%temperature)))
@@ -424,8 +425,9 @@ contains
                        '&material conductivity = 5 density = 2 heat_capacity = 0.5 latent_heat '// &
                        '= 1 solidus = 0 liquidus = 0.2 where_expression = ''x > 0.35'' / '// &
                        '&material conductivity_expression = ''2'' heat_capacity_expression = '// &
-                       '''1+T^2'' latent_heat = 3 solidus = 0.6 liquidus = 0.6 where_expression '// &
-                       '= ''x > 0.7'' / &time end = 0.7 tolerance = 1e-5 / ', simulation, error)
+                       '''1+T^2'' latent_heat = 3 solidus = 0.6 liquidus = 0.6 '// &
+                       'where_expression = ''x > 0.7'' / &time end = 0.7 tolerance = 1e-5 / ', &
+                           simulation, error)
     if (allocated(error)) return
     call find_entry(simulation, before)
     call check(error, abs(before%imbalance) < 1.0e-10_wp, to_text(before%imbalance))

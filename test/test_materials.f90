@@ -188,8 +188,8 @@ contains
           call run_scene(rectangle(40, 0.1_wp, jitters(j))//'&initial temperature_expression = '// &
                          '''x < 0.5 ? 1 : 0'' / &material / &material conductivity = '// &
                          trim(ratios(k))//' where_expression = ''x > '//trim(places(i))// &
-                         ''' / &boundary kind = ''insulated'' / &boundary on = ''left'' value = '// &
-                         '1 / &boundary on = ''right'' value = 0 / &time end = 0.02 / ', &
+                         ''' / &boundary kind = ''insulated'' / &boundary on = ''left'' '// &
+                         'value = 1 / &boundary on = ''right'' value = 0 / &time end = 0.02 / ', &
                          simulation, error)
           if (allocated(error)) return
           associate (entry => simulation%entries(size(simulation%entries)))
@@ -300,14 +300,14 @@ contains
     end do
   end subroutine test_tensor_rows
 
-  !> A grain beside another, their interface at 30° to the lattice: fields that are linear in either,
-  !> with continuous n·K∇T, are exact.
+  !> A grain beside another, their interface at 30° to the lattice: fields that are linear in
+  !> either, with continuous n·K∇T, are exact.
   subroutine test_anisotropic_contact(error)
     type(error_type), allocatable, intent(out) :: error
     type(simulation_t) :: simulation
-    ! Normal n = (0.8, 0.6), along it t = (-0.6, 0.8). Below K = n n + 4 t t + 0.5 (n t + t n), above
-    ! K = 20 n n + 2 t t - 3 (n t + t n): with T = s + 0.4 t below, the flux is 1 + 0.2 = 1.2, and
-    ! above T = g s + 0.4 t with 20 g - 1.2 = 1.2.
+    ! Normal n = (0.8, 0.6), along it t = (-0.6, 0.8). Below K = n n + 4 t t + 0.5 (n t + t n),
+    ! above K = 20 n n + 2 t t - 3 (n t + t n): with T = s + 0.4 t below, the flux is 1 + 0.2 = 1.2,
+    ! and above T = g s + 0.4 t with 20 g - 1.2 = 1.2.
     character(len=*), parameter :: s = '(0.8*(x-0.47)+0.6*(y-0.52))', &
         t = '(-0.6*(x-0.47)+0.8*(y-0.52))', &
         line = s//' < 0 ? '//s//'+0.4*'//t//' : 0.12*'//s//'+0.4*'//t, &
@@ -319,8 +319,8 @@ contains
     do j = 1, 2
       do i = 1, 2
         call run_scene(rectangle(15, 1.0_wp, jitters(j))//schemes(i)//'&scene exact_expression '// &
-                       '= '''//line//''' / &boundary value_expression = '''//line//''' / '//below// &
-                       above//'&time steady = .true. tolerance = 1e-12 /', simulation, error)
+                       '= '''//line//''' / &boundary value_expression = '''//line//''' / '// &
+                       below//above//'&time steady = .true. tolerance = 1e-12 /', simulation, error)
         if (allocated(error)) return
         call check(error, simulation%relative_l2_error() < 1.0e-10_wp, &
                    to_text(simulation%relative_l2_error()))
@@ -329,18 +329,19 @@ contains
     end do
   end subroutine test_anisotropic_contact
 
-  !> x < 0.5: κ = 1, T = sin(x - 0.5) cos(y) exp(-t); beyond it K = [4 1; 1 3], and T continuous with
-  !> 4 g' + τ = g: τ is 0 at x = 0.5, so g' = g/4. Sources make both obey the heat equation; with
-  !> ρc = 1 and 4.
+  !> x < 0.5: κ = 1, T = sin(x - 0.5) cos(y) exp(-t); beyond it K = [4 1; 1 3], and T continuous
+  !> with 4 g' + τ = g: τ is 0 at x = 0.5, so g' = g/4. Sources make both obey the heat equation;
+  !> with ρc = 1 and 4.
   subroutine test_contact_in_time(error)
     type(error_type), allocatable, intent(out) :: error
     character(len=*), parameter :: field = &
         'x < 0.5 ? sin(x-0.5)*cos(y)*exp(-t) : sin(x-0.5)/4*cos(y)*exp(-t)', &
         start = 'x < 0.5 ? sin(x-0.5)*cos(y) : sin(x-0.5)/4*cos(y)'
-    character(len=*), parameter :: text = '&scene exact_expression = '''//field//''' / &initial '// &
+    character(len=*), &
+        parameter :: text = '&scene exact_expression = '''//field//''' / &initial '// &
         'temperature_expression = '''//start//''' / &boundary value_expression = '''//field// &
-        ''' / &material / &material conductivity_xx = 4 conductivity_yy = 3 conductivity_xy = 1 '// &
-        'density = 4 where_expression = ''x > 0.5'' / &source power_expression = ''x < 0.5 ? '// &
+        ''' / &material / &material conductivity_xx = 4 conductivity_yy = 3 conductivity_xy = '// &
+        '1 density = 4 where_expression = ''x > 0.5'' / &source power_expression = ''x < 0.5 ? '// &
         'sin(x-0.5)*cos(y)*exp(-t) : exp(-t)*((7/4-1)*sin(x-0.5)*cos(y)+0.5*cos(x-0.5)*sin(y))'' / '
 
     call check_orders(text, schemes(1), '1e-8', 0.9_wp, error)

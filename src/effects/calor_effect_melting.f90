@@ -1,6 +1,7 @@
 !> Melting and freezing: heat that changes the phase and not the temperature.
 !>
-!> It sets no heat free: it is part of what the heat content of its material is (see calor_heat_law).
+!> It sets no heat free: it is a part of what the heat content of its material is, see
+!> calor_heat_law.
 module calor_effect_melting
   use calor_effect, only: effect_t
   use calor_error, only: error_t

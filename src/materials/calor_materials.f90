@@ -178,7 +178,8 @@ contains
     place = place_of(group, key)
     if (group%has(key//'_expression')) place = place_of(group, key//'_expression')
     if (expression%uses('t')) then
-      call raise_at(error, group, key//'_expression', 'it may depend on x, y and T only, not on '// &
+      call raise_at(error, group, &
+                    key//'_expression', 'it may depend on x, y and T only, not on '// &
                     'the time.')
       return
     end if

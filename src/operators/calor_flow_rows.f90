@@ -290,7 +290,8 @@ contains
     do k = 1, n
       root(k) = 0
       if (.not. known(k)) cycle
-      root(k) = sqrt(ease(k)*stencil%f(k))/max(stencil%q(k), hypot(basis(1, k), basis(2, k)), shortest)
+      root(k) = sqrt(ease(k)*stencil%f(k))/ &
+                max(stencil%q(k), hypot(basis(1, k), basis(2, k)), shortest)
     end do
     flux_root = sqrt(cheap)*norm2(root(1:n)*stencil%q(1:n))
     do k = n + 1, size(found)

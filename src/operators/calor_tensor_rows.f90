@@ -5,7 +5,8 @@
 !>     Σ 2 w_j (B̂_i : e_ij ∇W_ij) [(u_i - u_j)/r_ij - e_ij·⟨∇u⟩_i]
 !>
 !> is K:∇∇u for every quadratic u: for u = r·H r/2 about the particle the sum is, by B̂'s equation,
-!> -H : (-K), and 0 for linear ones. B̂, and so the weights a_ij(K), are linear in K. Where K varies,
+!> -H : (-K), and 0 for linear ones. B̂, and so the weights a_ij(K), are linear in K. Where that
+!> varies,
 !>
 !>     div(K∇u) = [∂a ∂b (K_ab u) + K_ab ∂a ∂b u - u ∂a ∂b K_ab]/2
 !>
@@ -37,7 +38,7 @@ module calor_tensor_rows
 
 contains
 
-  !> Assemble rows. Where no support within reach is good, `repair` is `no_stencil` and the row is 0.
+  !> Assemble rows. Where no support within reach is good, `repair` is `no_stencil`, the row 0.
   subroutine assemble_tensor_rows(conductivity, rule, kernel, x, y, volume, radius, particles, rows)
     !> κxx, κyy, κxy of all particles, one a column, W/(m K)
     real(wp), intent(in) :: conductivity(:, :)

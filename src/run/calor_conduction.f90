@@ -1,9 +1,9 @@
 !> Heat conduction, ρc u_t = div(κ ∇u), with held temperatures on walls and whatever effects a scene
 !> calls for.
 !>
-!> The state u is the temperature, unless that alone does not tell the heat content: then u is the heat
-!> content over a constant part of ρc and ρc u_t = div(κ ∇θ(u)), θ being Kirchhoff's potential (see
-!> calor_heat_law).
+!> The state u is the temperature, unless capacity or conductivity depend on that or something melts:
+!> then it is the heat content and C₀ u_t = div(κ₀ ∇θ(u)), θ being Kirchhoff's potential, see
+!> calor_heat_law.
 module calor_conduction
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use calor_constants, only: worth_threads

@@ -125,8 +125,12 @@ contains
     integer :: k
 
     across = [(this%reaches_across(operator, k), k=1, operator%rows())]
-    own = across .or. [(.not. this%materials%list(this%flow%material(operator%target(k)))%isotropic, &
-                        k=1, operator%rows())]
+    own = across
+    do k = 1, operator%rows()
+      associate (material => this%flow%material(operator%target(k)))
+        if (.not. this%materials%list(material)%isotropic) own(k) = .true.
+      end associate
+    end do
     call scale_rows(operator, this%conductivity(1, :), own)
     if (any(across)) then
       ! Functions are continued beyond an interface up to degree 2, which needs a few neighbours.
@@ -317,8 +321,9 @@ contains
             call content%law(j)%factors(t, other, unused)
           end associate
           if (abs(f - other) <= rounding*f) cycle
-          call raise(error, status_bad_input, this%materials%list(k)%place//': materials that '// &
-                     'touch must have conductivities that depend on T by the same factor.')
+          call raise(error, status_bad_input, this%materials%list(k)%place// &
+                     ': materials that touch must depend on T by the same factor, as 1+T/100 '// &
+                     'and 20*(1+T/100) do; give both that factor, or leave T out of both.')
           return
         end do
       end do

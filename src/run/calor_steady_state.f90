@@ -40,7 +40,9 @@ contains
     logical :: done, is_nonlinear
 
     is_nonlinear = allocated(conduction%slope)
-    if (allocated(conduction%content)) is_nonlinear = is_nonlinear .or. conduction%content%conducts()
+    if (allocated(conduction%content)) then
+      is_nonlinear = is_nonlinear .or. conduction%content%conducts()
+    end if
     call conduction%linearise(0.0_wp, temperature)
     call require_hold(conduction, place, error)
     if (allocated(error)) return

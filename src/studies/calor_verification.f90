@@ -66,9 +66,9 @@ module calor_verification
                           error_of_field, 0.0_wp, 2.0e-3_wp), &
       verification_case_t('anisotropic_1000', 'anisotropic 1:1000 at 30 deg, relative L2 error', &
                           error_of_field, 0.0_wp, 1.0e-3_wp), &
-      verification_case_t('two_slabs_transient_10', 'two slabs 1:10, fine 1D, relative L2 error', &
+      verification_case_t('two_slabs_transient_10', 'two slabs 1:10, fine 1D, relative error', &
                           error_of_table, 0.0_wp, 1.0e-3_wp), &
-      verification_case_t('two_slabs_transient_1000', 'two slabs 1:1000, fine 1D, relative L2 error', &
+      verification_case_t('two_slabs_transient_1000', 'two slabs 1:1000, fine 1D, relative error', &
                           error_of_table, 0.0_wp, 1.0e-3_wp), &
       verification_case_t('kirchhoff_slab', 'conductivity 1 + T, slab, relative L2 error', &
                           error_of_field, 0.0_wp, 1.0e-10_wp), &
@@ -154,7 +154,7 @@ contains
     allocate (table(2, 0))
     ! The first line is a heading.
     read (unit, *, iostat=status)
-    do
+    do while (status == 0)
       read (unit, *, iostat=status) row
       if (status /= 0) exit
       table = reshape([table, row], [2, size(table, 2) + 1])
