@@ -207,8 +207,8 @@ contains
     character(len=*), parameter :: text = '&scene exact_expression = '// &
         '''sqrt(4+2*exp(x)*cos(y))-1'' / &material conductivity_expression = ''1+T'' / '// &
         '&initial temperature = 1.5 / &boundary value_expression = '// &
-        '''sqrt(4+2*exp(x)*cos(y))-1'' / &boundary on = ''top'' kind = ''flux'' flux_expression '// &
-        '= ''-exp(x)*sin(y)'' / '// &
+        '''sqrt(4+2*exp(x)*cos(y))-1'' / &boundary on = ''top'' kind = ''flux'' '// &
+        'flux_expression = ''-exp(x)*sin(y)'' / '// &
         '&time steady = .true. tolerance = 1e-12 / '
 
     call check_orders(text//schemes(1), 1.7_wp, error)

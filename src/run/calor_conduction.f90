@@ -1,7 +1,7 @@
 !> Heat conduction, ρc u_t = div(κ ∇u), with held temperatures on walls and whatever effects a scene
 !> calls for.
 !>
-!> The state u is the temperature, unless capacity or conductivity depend on that or something melts:
+!> The state u is the temperature, unless capacity or conductivity depend on it or something melts:
 !> then it is the heat content and C₀ u_t = div(κ₀ ∇θ(u)), θ being Kirchhoff's potential, see
 !> calor_heat_law.
 module calor_conduction
