@@ -26,6 +26,7 @@ contains
                 new_unittest('errors of time steps', test_time), &
                 new_unittest('changing walls, a lower mode', test_other_field), &
                 new_unittest('scenes with other shapes and walls', test_scenes), &
+                new_unittest('steady temperatures', test_steady), &
                 new_unittest('a field that the scheme gets right', test_exact), &
                 new_unittest('what is written', test_written), &
                 new_unittest('without it nothing is carried along', test_absent) &
@@ -172,6 +173,36 @@ contains
       if (allocated(error)) return
     end do
   end subroutine test_scenes
+
+  !> A harmonic field, held on two walls and with convection on the others; and with radiation, for
+  !> which Newton's method takes several steps.
+  subroutine test_steady(error)
+    type(test_error), allocatable, intent(out) :: error
+    character(len=*), parameter :: field = '300 + 20*exp(2*x)*sin(2*y)'
+    character(len=*), parameter :: schemes(*) = [character(len=40) :: &
+        'laplacian = "fatehi_manzari"', 'laplacian = "consistent" order = 4']
+    real(wp), parameter :: jitters(*) = [0.0_wp, 0.3_wp]
+    type(simulation_t) :: simulation
+    integer :: k, j
+
+    do k = 1, size(schemes)
+      do j = 1, size(jitters)
+        call run_scene('&scene exact_expression = "'//field//'" / &domain x_range = 0, 1 '// &
+                       'y_range = 0, 1 arrangement = "jittered" spacing = 0.05 jitter = '// &
+                       to_text(jitters(j))//' / &scheme '//trim(schemes(k))//' / '// &
+                       '&boundary value_expression = "'//field//'" / &boundary on = "top" '// &
+                       'kind = "convection" coefficient = 2 ambient_expression = "'//field// &
+                       ' + 20*exp(2*x)*cos(2*y)" / &boundary on = "right" kind = "radiation" '// &
+                       'emissivity = 0.9 ambient_expression = "(('//field//')^4 + '// &
+                       '40*exp(2*x)*sin(2*y)/(0.9*5.670374419e-8))^0.25" / '// &
+                       '&time steady = T / &accuracy estimate = T /', simulation, error)
+        if (allocated(error)) return
+        call judge(simulation, 1.5_wp, 'steady, '//trim(schemes(k))//', jitter '// &
+                   to_text(jitters(j)), error)
+        if (allocated(error)) return
+      end do
+    end do
+  end subroutine test_steady
 
   !> A quadratic field at rest: no error, and none is estimated.
   subroutine test_exact(error)

@@ -5,6 +5,7 @@ module calor_simulation
   use calor_error_transport, only: error_transport_t
   use calor_effect, only: effect_slot_t
   use calor_error, only: error_t, raise, status_bad_input, status_bad_numbers
+  use calor_evolution, only: evolution_t
   use calor_expression, only: expression_t, compile_expression
   use calor_heat_budget, only: heat_budget_t, budget_entry_t
   use calor_integrators, only: make_integrator
@@ -194,23 +195,20 @@ contains
     call this%count_neighbours()
     call this%budget%prepare(this%cloud, this%conduction)
     allocate (this%entries(0))
-    if (scene%time%steady) then
-      call this%stopwatch%stop()
-      return
+    if (.not. scene%time%steady) then
+      call this%stopwatch%start('step control')
+      call this%choose_steps(error)
+      if (allocated(error)) return
     end if
-    call this%stopwatch%start('step control')
-    call this%choose_steps(error)
-    if (allocated(error)) return
     if (scene%accuracy%estimate) then
       call this%stopwatch%start('error estimate')
       call this%prepare_estimate(error, further)
       if (allocated(error)) return
     end if
+    call this%stopwatch%stop()
+    if (scene%time%steady) return
     if (present(uncertified)) then
-      if (uncertified) then
-        call this%stopwatch%stop()
-        return
-      end if
+      if (uncertified) return
     end if
     call this%stopwatch%start('stability')
     call this%find_growth()
@@ -349,7 +347,29 @@ contains
     if (allocated(error)) return
     if (mapping > 0) call this%conduction%find_state(this%temperature, this%content)
     call this%budget%close_exactly(this%conduction)
+    if (allocated(this%estimate)) then
+      call this%stopwatch%start('error estimate')
+      call settle_reference(this%estimate%reference)
+    end if
     call this%stopwatch%stop()
+
+  contains
+
+    !> The error of a steady temperature is what leads from it to that of the higher order.
+    subroutine settle_reference(reference)
+      class(evolution_t), intent(inout) :: reference
+      integer :: steps
+
+      select type (reference)
+      type is (conduction_t)
+        this%estimate%error = this%temperature
+        call find_steady_state(reference, this%scene%time%place, &
+                               tolerance*this%conduction%temperature_scale(), &
+                               this%estimate%error, steps, error)
+        this%estimate%error = this%estimate%error - this%temperature
+      end select
+    end subroutine settle_reference
+
   end subroutine settle
 
   !> The heat budget of the present state
@@ -631,9 +651,11 @@ contains
     !> Some were found
     type(error_t), allocatable, intent(out) :: error
 
-    call this%stopwatch%start('stability')
-    call this%find_growth()
-    call this%stopwatch%stop()
+    if (.not. this%scene%time%steady) then
+      call this%stopwatch%start('stability')
+      call this%find_growth()
+      call this%stopwatch%stop()
+    end if
     call this%certify(error)
   end subroutine search_growth
 

@@ -239,14 +239,16 @@ contains
     associate (simulation => this%simulation)
       attempt%particles = simulation%cloud%particles()
       attempt%spectral_radius = simulation%stepper%spectral_radius
-      if (scene%time%method == 'auto' .and. .not. scene%time%step > 0) then
+      if (scene%time%method == 'auto' .and. .not. (scene%time%step > 0 .or. scene%time%steady)) then
         call take_cheaper_steps(simulation, attempt%tolerance)
       end if
       call simulation%run(error, observer)
       if (allocated(error)) return
       attempt%estimate = simulation%estimated_error()
       attempt%steps = simulation%stepper%steps
-      attempt%evaluations = simulation%stepper%integrator%evaluations
+      if (.not. scene%time%steady) then
+        attempt%evaluations = simulation%stepper%integrator%evaluations
+      end if
       norm = root_mean_square(simulation%temperature + simulation%estimate%error)
       attempt%time_error = simulation%stepper%accumulated_error/max(norm, tiny(1.0_wp))
       attempt%step_seconds = 0
@@ -254,7 +256,9 @@ contains
       attempt%setup_seconds = simulation%stopwatch%total()
       do k = 1, size(simulation%stopwatch%phases)
         associate (phase => simulation%stopwatch%phases(k))
-          if (phase%name == 'steps') attempt%step_seconds = phase%seconds
+          if (phase%name == 'steps' .or. phase%name == 'steady state') then
+            attempt%step_seconds = phase%seconds
+          end if
           if (phase%name == 'assembly' .or. phase%name == 'error estimate') then
             attempt%scheme_seconds = attempt%scheme_seconds + phase%seconds
           end if
