@@ -1,5 +1,6 @@
 !> The heat driver: a scene becomes a cloud, the cloud an operator, the operator is stepped in time.
 module calor_simulation
+  use calor_body, only: body_t
   use calor_cloud, only: cloud_t
   use calor_conduction, only: conduction_t
   use calor_error_transport, only: error_transport_t
@@ -8,6 +9,7 @@ module calor_simulation
   use calor_evolution, only: evolution_t
   use calor_expression, only: expression_t, compile_expression
   use calor_heat_budget, only: heat_budget_t, budget_entry_t
+  use calor_initial_jumps, only: find_jump_errors
   use calor_integrators, only: make_integrator
   use calor_kernel, only: kernel_t
   use calor_kernels, only: make_kernel
@@ -16,6 +18,7 @@ module calor_simulation
   use calor_rightmost_eigenvalue, only: rightmost_t, find_rightmost
   use calor_row_report, only: row_report_t
   use calor_scene, only: scene_t
+  use calor_scene_body, only: make_scene_body
   use calor_scene_cloud, only: make_scene_cloud
   use calor_scene_evolution, only: make_scene_evolution, scene_method, scene_rows_t
   use calor_scene_values, only: field_values
@@ -513,6 +516,8 @@ contains
     type(scene_t) :: scene
     type(conduction_t) :: reference
     type(scene_rows_t) :: rows
+    type(expression_t) :: initial
+    type(body_t) :: body
     real(wp), allocatable :: temperature(:)
 
     scene = this%scene
@@ -531,6 +536,14 @@ contains
     allocate (this%estimate)
     call this%estimate%begin(this%conduction, reference, this%time, this%temperature, &
                              reference%spectral_bound())
+    ! A user's cloud comes without the body that it fills: what its cells are is not known.
+    if (scene%initial_expression == '' .or. scene%domain%shape == 'cloud') return
+    if (scene%time%steady) return
+    call compile_expression(scene%initial_expression, initial, error)
+    if (.not. allocated(error)) call make_scene_body(scene%domain, body, error)
+    if (allocated(error)) return
+    call find_jump_errors(initial, this%cloud, body, this%estimate%error)
+    call this%conduction%clear_prescribed(this%estimate%error)
   end subroutine prepare_estimate
 
   !> The temperature at the start, but for held walls, and the true temperature if it is known.
