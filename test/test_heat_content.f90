@@ -8,6 +8,7 @@ module test_heat_content
   use calor_scene_reader, only: interpret_scene
   use calor_simulation, only: simulation_t
   use calor_text, only: to_text
+  use test_field_reader, only: reals_in_file
   use testdrive, only: new_unittest, unittest_type, error_type, check, test_failed
   implicit none (type, external)
   private
@@ -31,6 +32,7 @@ contains
                 new_unittest('in time: order two and four', test_order_in_time), &
                 new_unittest('walls that exchange heat', test_walls), &
                 new_unittest('heat is accounted for', test_budget), &
+                new_unittest('the budget in the file', test_file), &
                 new_unittest('steps hold for the warmest', test_warming), &
                 new_unittest('the Jacobian is the derivative', test_jacobian), &
                 new_unittest('two materials', test_two_materials), &
@@ -329,6 +331,52 @@ contains
     end do
   end subroutine test_budget
 
+  !> The budget of each state written stands in the file.
+  subroutine test_file(error)
+    type(error_type), allocatable, intent(out) :: error
+    character(len=*), parameter :: path = 'build/test/heat_content.vtkhdf'
+    type(simulation_t) :: simulation
+    integer :: k
+
+    call run_scene(rectangle(10, 1.0_wp, 0.2_wp)//'&material heat_capacity_expression = ''1+T'' '// &
+                   '/ &boundary kind = ''insulated'' / &boundary on = ''left'' value = 2 / '// &
+                   '&source power = 3 / &time end = 0.1 / &output every = 0.05 file = '''//path// &
+                   ''' /', simulation, error)
+    if (allocated(error)) return
+    associate (entries => simulation%entries)
+      call check(error, size(entries), 3)
+      if (allocated(error)) return
+      call check_series('budget_time', entries%time, error)
+      if (allocated(error)) return
+      call check_series('budget_stored', entries%stored, error)
+      if (allocated(error)) return
+      call check_series('budget_stored_rate', entries%stored_rate, error)
+      if (allocated(error)) return
+      call check_series('budget_imbalance', entries%imbalance, error)
+      if (allocated(error)) return
+      do k = 1, size(simulation%budget%account)
+        call check_series('budget_'//simulation%budget%account(k)%value, &
+                          [entries(1)%power(k), entries(2)%power(k), entries(3)%power(k)], error)
+        if (allocated(error)) return
+      end do
+    end associate
+
+  contains
+
+    subroutine check_series(name, expected, error)
+      character(len=*), intent(in) :: name
+      real(wp), intent(in) :: expected(:)
+      type(error_type), allocatable, intent(out) :: error
+      real(wp), allocatable :: written(:)
+
+      written = reals_in_file(path, 'calor/'//name)
+      call check(error, size(written), size(expected), name)
+      if (allocated(error)) return
+      call check(error, all(abs(written - expected) <= 0), name)
+    end subroutine check_series
+
+  end subroutine test_file
+
   !> A cold body between hot walls, or heated by what grows: conduction, radiation or a reaction
   !> become much faster than they are at the start, and no step is too long.
   subroutine test_warming(error)
@@ -486,6 +534,15 @@ contains
     if (allocated(error)) return
     ratio = simulation%estimated_error()/simulation%relative_l2_error()
     call check(error, ratio > 0.8_wp .and. ratio < 1.25_wp, to_text(ratio, digits=3))
+    if (allocated(error)) return
+    call run_scene(rectangle(16, 1.0_wp, 0.2_wp)//'&scene exact_expression = '// &
+                   '''sqrt(4+2*exp(x)*cos(y))-1'' / &boundary value_expression = '// &
+                   '''sqrt(4+2*exp(x)*cos(y))-1'' / &material conductivity_expression = ''1+T'' '// &
+                   'heat_capacity_expression = ''1+T^2'' / &accuracy estimate = .true. / '// &
+                   '&time steady = .true. tolerance = 1e-12 / ', simulation, error)
+    if (allocated(error)) return
+    ratio = simulation%estimated_error()/simulation%relative_l2_error()
+    call check(error, ratio > 0.8_wp .and. ratio < 1.25_wp, 'steady '//to_text(ratio, digits=3))
   end subroutine test_estimate
 
   subroutine test_refusals(error)
