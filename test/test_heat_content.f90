@@ -340,8 +340,8 @@ contains
 
     call run_scene(rectangle(10, 1.0_wp, 0.2_wp)//'&material heat_capacity_expression = '// &
                    '''1+T'' / &boundary kind = ''insulated'' / &boundary on = ''left'' '// &
-                   'value = 2 / &source power = 3 / &time end = 0.1 / &output every = 0.05 file = '''//path// &
-                   ''' /', simulation, error)
+                   'value = 2 / &source power = 3 / &time end = 0.1 / &output every = 0.05 '// &
+                   'file = '''//path//''' /', simulation, error)
     if (allocated(error)) return
     associate (entries => simulation%entries)
       call check(error, size(entries), 3)
@@ -529,8 +529,8 @@ contains
                    '''sqrt(1+8*sin(pi*x)*sin(pi*y)*exp(-2*pi^2*t))-1'' / &initial '// &
                    'temperature_expression = ''sqrt(1+8*sin(pi*x)*sin(pi*y))-1'' / &boundary '// &
                    'value = 0 / &material conductivity_expression = '// &
-                   '''1+T'' heat_capacity_expression = ''1+T'' / &accuracy estimate = .true. / &time '// &
-                   'end = 0.05 / ', simulation, error)
+                   '''1+T'' heat_capacity_expression = ''1+T'' / &accuracy estimate = .true. / '// &
+                   '&time end = 0.05 / ', simulation, error)
     if (allocated(error)) return
     ratio = simulation%estimated_error()/simulation%relative_l2_error()
     call check(error, ratio > 0.8_wp .and. ratio < 1.25_wp, to_text(ratio, digits=3))
@@ -538,8 +538,8 @@ contains
     call run_scene(rectangle(16, 1.0_wp, 0.2_wp)//'&scene exact_expression = '// &
                    '''sqrt(4+2*exp(x)*cos(y))-1'' / &boundary value_expression = '// &
                    '''sqrt(4+2*exp(x)*cos(y))-1'' / &material conductivity_expression = '// &
-                   '''1+T'' heat_capacity_expression = ''1+T^2'' / &accuracy estimate = .true. / '// &
-                   '&time steady = .true. tolerance = 1e-12 / ', simulation, error)
+                   '''1+T'' heat_capacity_expression = ''1+T^2'' / &accuracy estimate '// &
+                   '= .true. / &time steady = .true. tolerance = 1e-12 / ', simulation, error)
     if (allocated(error)) return
     ratio = simulation%estimated_error()/simulation%relative_l2_error()
     call check(error, ratio > 0.8_wp .and. ratio < 1.25_wp, 'steady '//to_text(ratio, digits=3))

@@ -350,6 +350,7 @@ contains
     real(wp) :: low, high
     integer :: k, j
 
+    if (.not. (allocated(this%content) .or. allocated(this%slope))) return
     call this%expected_range(low, high)
     if (allocated(this%content)) then
       call this%content%largest_slopes(low, high, this%temperature_slope, this%potential_slope)

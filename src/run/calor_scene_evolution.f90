@@ -123,11 +123,13 @@ contains
     end if
     call conduction%put_in_force(effects, temperature, error)
     if (allocated(error)) return
-    call conduction%expected_range(lowest, highest)
-    call materials%find_content(scene%file, cloud, conduction%effects, lowest, highest, content, &
-                                error)
-    if (allocated(error)) return
-    if (allocated(content)) call conduction%use_content(content, temperature)
+    if (materials%in_force .or. allocated(conduction%effects)) then
+      call conduction%expected_range(lowest, highest)
+      call materials%find_content(scene%file, cloud, conduction%effects, lowest, highest, content, &
+                                  error)
+      if (allocated(error)) return
+      if (allocated(content)) call conduction%use_content(content, temperature)
+    end if
     call conduction%assume_stiffest()
   end subroutine make_scene_evolution
 
