@@ -11,8 +11,7 @@ module test_implicit
   use calor_kinds, only: wp, i8
   use calor_random, only: random_uniform
   use calor_scene, only: scene_t
-  use calor_scene_file, only: scene_file_t
-  use calor_scene_reader, only: read_scene
+  use calor_scene_reader, only: interpret_scene
   use calor_simulation, only: simulation_t
   use calor_sparse_matrix, only: sparse_matrix_t
   use calor_stepper, only: stepper_t
@@ -60,7 +59,8 @@ contains
                 new_unittest('factors are made anew only for a new step', test_reuse), &
                 new_unittest('a copy of factors solves, too', test_copy), &
                 new_unittest('TR-BDF2 is of second order', test_order), &
-                new_unittest('TR-BDF2 is exact for quadratic polynomials in time', test_quadratic), &
+                new_unittest('TR-BDF2 is exact for quadratic polynomials in time', &
+                             test_quadratic), &
                 new_unittest('TR-BDF2 is L-stable', test_stiff), &
                 new_unittest('the error estimate of TR-BDF2 is the error', test_estimate), &
                 new_unittest('TR-BDF2 keeps the tolerance', test_control), &
@@ -494,8 +494,8 @@ contains
     call check(error, maxval(abs(one - other)) < 1.0e-12_wp, to_text(maxval(abs(one - other))))
   end subroutine test_exponential
 
-  !> With an unsymmetric chain the polynomials grow: steps become shorter until they do not, and the
-  !> result keeps the tolerance.
+  !> With an unsymmetric chain the polynomials of an interval grow: a higher ellipse is found, and
+  !> the result keeps the tolerance.
   subroutine test_off_axis(error)
     type(error_type), allocatable, intent(out) :: error
     type(chain_t) :: chain
@@ -518,9 +518,12 @@ contains
     call stepper%advance_to(chain, time, 1.0_wp, u, failure)
     call check(error,.not. allocated(failure))
     if (allocated(error)) return
-    call check(error, stepper%rejected > 0 .and. stepper%steps > 1, 'no step was shortened')
+    ! A step of its own length, on an interval, would lose all digits: polynomials grow as exp(k).
+    call check(error, stepper%integrator%evaluations < 2000, &
+               to_text(stepper%integrator%evaluations)//' evaluations')
     if (allocated(error)) return
-    call check(error, maxval(abs(u - truth)) < stepper%steps*stepper%tolerance)
+    call check(error, maxval(abs(u - truth)) < stepper%steps*stepper%tolerance, &
+               to_text(maxval(abs(u - truth))))
   end subroutine test_off_axis
 
   subroutine test_refusal(error)
@@ -563,7 +566,7 @@ contains
         integrator%tolerance = 10.0_wp**(-digits)
         call integrator%advance(chain, 0.0_wp, 1.0_wp, 4*chain%stiffness, u, next, estimate)
         foreseen = exponential_terms(4*chain%stiffness, 0.1_wp*integrator%tolerance/ &
-                                     chain%stiffness)
+                                     chain%stiffness, 0.0_wp)
         call check(error, integrator%evaluations/foreseen < 1.5_wp .and. &
                    integrator%evaluations/foreseen > 1/1.5_wp, &
                    to_text(integrator%evaluations)//' terms, not '//to_text(foreseen))
@@ -672,7 +675,6 @@ contains
     type(simulation_t), intent(out) :: simulation
     type(error_type), allocatable, intent(out) :: error
     character(len=*), intent(in), optional :: extra
-    type(scene_file_t) :: file
     type(scene_t) :: scene
     type(error_t), allocatable :: failure
     character(len=:), allocatable :: walls, more
@@ -689,14 +691,14 @@ contains
         walls = walls//'&boundary on = ''left'' kind = ''temperature'' value = 0 /'
       end if
     end if
-    call file%parse_text( &
-      '&domain x_range = 0, 1 y_range = 0, 1 spacing = 0.0833333333333 '// &
+    call interpret_scene( &
+      '&scene title = ''square'' /'//lf// &
+      '&domain shape = ''rectangle'' x_range = 0, 1 y_range = 0, 1 spacing = 0.0833333333333 '// &
       'arrangement = ''jittered'' jitter = 0.2 seed = 3 /'//lf// &
       '&scheme '//scheme//' /'//lf// &
       '&material conductivity = 1 density = 1 heat_capacity = 1 /'//lf// &
       '&initial temperature_expression = ''sin(pi*x)*sin(pi*y)'' /'//lf//walls//lf//more//lf// &
-      '&time '//time//' /'//lf, 'long steps', failure)
-    if (.not. allocated(failure)) call read_scene(file, scene, failure)
+      '&time '//time//' /'//lf, scene, failure)
     if (.not. allocated(failure)) call simulation%prepare(scene, failure)
     if (allocated(failure)) call test_failed(error, failure%message)
   end subroutine prepare_scene

@@ -5,25 +5,30 @@
 !>
 !>     u(t + Δt) = u + Δt φ(Δt A) F(u),   φ(z) = (exp z - 1)/z,
 !>
-!> for a step of any length. φ is expanded in Chebyshev polynomials on the interval from -λ to 0
-!> that holds the spectrum of A; they are found by products with A alone. About √(2 λ Δt ln(1/ε)) of
-!> them leave an error of ε: as the terms in turn fall faster than any power, that error is known
-!> from the coefficients left out and the size of the last polynomial. Off the real axis polynomials
-!> grow, and so would rounding errors: where terms become larger than the tolerance allows, the step
-!> is made shorter.
+!> for a step of any length. φ is expanded in Chebyshev polynomials on an ellipse that holds the
+!> spectrum of A and ends at 0, scaled so that they stay bounded there, its Faber polynomials; they
+!> are found by products with A alone. On the interval from -λ to 0, an ellipse without height,
+!> about √(λ Δt ln(1/ε)) of them leave an error of ε: as the terms in turn fall faster than any
+!> power, that error is known from the coefficients left out and the size of the last polynomial.
+!>
+!> How high the ellipse has to be shows in the polynomials: where they grow, eigenvalues lie
+!> outside, and the growth tells how far. The series then begins anew on a higher one.
 !>
 !> Sources: H. Tal-Ezer, R. Kosloff, J. Chem. Phys. 81 (1984) 3967–3971; M. Hochbruck,
-!> A. Ostermann, Exponential integrators, Acta Numerica 19 (2010) 209–286, section 4.
+!> A. Ostermann, Exponential integrators, Acta Numerica 19 (2010) 209–286, section 4; I. Moret,
+!> P. Novati, An interpolatory approximation of the matrix exponential based on Faber polynomials,
+!> J. Comput. Appl. Math. 131 (2001) 361–380.
 module calor_exponential
   use calor_constants, only: pi, worth_threads
   use calor_evolution, only: evolution_t
   use calor_integrator, only: integrator_t
-  use calor_kinds, only: wp
+  use calor_kinds, only: wp, i8
+  use calor_random, only: random_uniform
   use calor_sums, only: root_mean_square
   implicit none (type, external)
   private
 
-  public :: exponential_t, exponential_terms
+  public :: exponential_t, exponential_terms, find_roundness, longest_series, trial_terms
 
   !> The series ends when what it leaves over should be this part of the tolerance …
   real(wp), parameter :: part_left = 0.1_wp
@@ -33,22 +38,34 @@ module calor_exponential
   integer, parameter :: terms_between = 4
   !> Longer series would not be cheaper than two steps
   integer, parameter :: most_terms = 4000
-  !> ln of the growth of polynomials off the real axis that a shortened step allows
-  real(wp), parameter :: allowed_growth = 8.0_wp
+  !> Spectral radius times step of a series of that length
+  real(wp), parameter :: longest_series = 0.9_wp*real(most_terms, wp)**2/36
+  !> Terms of the trial that finds out how round the ellipse has to be, where a series is longer
+  !> than that; growth slower than this needs no other ellipse than an interval
+  integer, parameter :: trial_terms = 48
+  real(wp), parameter :: least_growth = 0.02_wp
+  !> Where rounding errors of a term reach this part of what is allowed, polynomials have grown too
+  !> much; the next ellipse is wider than they tell by the second factor
+  real(wp), parameter :: rounding_part = 0.3_wp, widening = 1.05_wp
+  !> The roundest ellipse: as good as a circle
+  real(wp), parameter :: roundest = 4.0_wp
 
   type, extends(integrator_t) :: exponential_t
     private
     !> F at the start, three polynomials times it in turn, and the sum of the series
     real(wp), allocatable :: rate_start(:), polynomial(:, :), total(:), product(:)
-    !> Coefficients for the step and the spectral radius in `made_for`, and the sum of the
+    !> Half the axes of the ellipse are in the proportion of 1 to tanh g; this is g
+    real(wp) :: roundness = 0
+    !> Coefficients for the step, spectral radius and roundness in `made_for`, and the sum of the
     !> magnitudes of those after each
     real(wp), allocatable :: coefficient(:), left(:)
-    real(wp) :: made_for(2) = 0
+    real(wp) :: made_for(3) = -1
     !> The last term left an error of this times the polynomial number `last`
     real(wp) :: error_factor = 0
     integer :: last = 1
     !> No longer step has worked, s
     real(wp) :: longest = huge(1.0_wp)
+    logical :: tried = .false.
   contains
     procedure :: longest_stable_step
     procedure :: shorten_step
@@ -59,24 +76,39 @@ module calor_exponential
     procedure :: advance
     procedure :: add_step_error
     procedure, private :: find_coefficients
+    procedure, private :: sum_series
   end type exponential_t
 
 contains
 
   !> So many terms leave an error of about that part of Δt F.
-  pure function exponential_terms(decay, part) result(terms)
+  pure function exponential_terms(decay, part, roundness) result(terms)
     !> Spectral radius times step
     real(wp), intent(in) :: decay
     !> The part
     real(wp), intent(in) :: part
+    !> Of the ellipse; 0: an interval
+    real(wp), intent(in) :: roundness
     real(wp) :: terms
-    real(wp) :: z, digits
+    real(wp) :: z, digits, low, high, middle, flat
+    integer :: k
 
-    ! Coefficient k of exp(z (x - 1)) is 2 exp(-z) I_k(z): about exp(-k²/(2z)) up to k = z, and
-    ! (e z/(2k))^k beyond.
-    z = 0.5_wp*decay
+    ! Coefficient k is 2 exp(k g - z) I_k(z / cosh g), and I_k(y) about
+    ! exp(√(k² + y²) - k asinh(k/y)): largest, about 1, at k = z tanh g.
+    z = 0.5_wp*max(decay, tiny(decay)**0.25_wp)
+    flat = z/cosh(roundness)
     digits = log(1/max(part, epsilon(part)))
-    terms = sqrt(2*z*digits) + 0.3_wp*digits + 4
+    low = z*tanh(roundness)
+    high = low + sqrt(2*z*digits) + digits + 4
+    do k = 1, 40
+      middle = 0.5_wp*(low + high)
+      if (z + middle*asinh(middle/flat) - hypot(middle, flat) - middle*roundness < digits) then
+        low = middle
+      else
+        high = middle
+      end if
+    end do
+    terms = high + 1
   end function exponential_terms
 
   !> That of the longest series
@@ -87,7 +119,7 @@ contains
 
     associate (unused => this)
     end associate
-    step = real(most_terms, wp)**2/(-log(epsilon(step)))/spectral_radius*0.9_wp
+    step = longest_series/spectral_radius
   end function longest_stable_step
 
   subroutine shorten_step(this, evolution, spectral_radius, step)
@@ -96,10 +128,55 @@ contains
     real(wp), intent(in) :: spectral_radius
     real(wp), intent(inout) :: step
 
-    associate (unused => evolution, also => spectral_radius)
-    end associate
+    integer :: evaluations
+
+    if (.not. this%tried .and. exponential_terms(step*spectral_radius, 1.0e-8_wp, 0.0_wp) > &
+        2*trial_terms) then
+      this%tried = .true.
+      call find_roundness(evolution, spectral_radius, this%roundness, evaluations)
+      this%evaluations = this%evaluations + evaluations
+    end if
     step = min(step, this%longest)
   end subroutine shorten_step
+
+  !> How round an ellipse has to be for polynomials to stay bounded on a vector of random numbers.
+  subroutine find_roundness(evolution, spectral_radius, roundness, evaluations)
+    !> Whose Jacobian
+    class(evolution_t), intent(inout) :: evolution
+    !> Its spectral radius, 1/s
+    real(wp), intent(in) :: spectral_radius
+    !> g, half the axes of the ellipse being in the proportion of 1 to tanh g
+    real(wp), intent(out) :: roundness
+    !> Products with the Jacobian
+    integer, intent(out) :: evaluations
+    real(wp), allocatable :: polynomial(:, :), product(:), unused(:)
+    real(wp) :: half_way
+    integer :: n, k, older, newer
+
+    n = evolution%unknowns()
+    allocate (polynomial(n, 2), product(n), unused(n), source=0.0_wp)
+    do k = 1, n
+      polynomial(k, 1) = random_uniform(6, int(k, i8)) - 0.5_wp
+    end do
+    call evolution%clear_prescribed(polynomial(:, 1))
+    newer = 1
+    older = 2
+    half_way = 0
+    do k = 1, trial_terms
+      call evolution%jacobian_product(polynomial(:, newer), product)
+      call add_term(0.0_wp, merge(1.0_wp, 2.0_wp, k == 1), 2/spectral_radius, 1.0_wp, product, &
+                    polynomial(:, newer), polynomial(:, older), unused)
+      newer = older
+      older = 3 - newer
+      if (2*k == trial_terms) half_way = root_mean_square(polynomial(:, newer))
+    end do
+    evaluations = trial_terms
+    roundness = 0
+    if (.not. half_way > 0) return
+    roundness = 2*log(root_mean_square(polynomial(:, newer))/half_way)/trial_terms
+    roundness = widening*roundness
+    if (.not. roundness > least_growth) roundness = 0
+  end subroutine find_roundness
 
   pure function estimates_error(this) result(answer)
     class(exponential_t), intent(in) :: this
@@ -149,8 +226,9 @@ contains
     real(wp), intent(in) :: u(:)
     real(wp), intent(out) :: u_next(:)
     real(wp), intent(out) :: local_error
-    real(wp) :: accuracy, start_size, last_size, rounding, growth
-    integer :: n, k, term, older, newer
+    real(wp) :: accuracy, start_size
+    integer :: n, k
+    logical :: done
 
     n = size(u)
     if (.not. allocated(this%total)) then
@@ -163,51 +241,24 @@ contains
       this%failure = 'the problem is not linear, or changes with time'
       return
     end if
-    accuracy = part_left*this%tolerance
-    if (.not. accuracy > 0) accuracy = least_part*root_mean_square(u)
-    call this%find_coefficients(step, spectral_radius)
     call evolution%rate(time, u, this%rate_start)
     this%evaluations = this%evaluations + 1
     start_size = root_mean_square(this%rate_start)
-    last_size = start_size
-    rounding = 0
-
-    older = 1
-    newer = 2
-    !$omp parallel do if (n > worth_threads) schedule(static) default(shared) private(k)
-    do k = 1, n
-      this%polynomial(k, newer) = this%rate_start(k)
-      this%polynomial(k, older) = 0
-      this%total(k) = this%coefficient(0)*this%rate_start(k)
+    accuracy = part_left*this%tolerance
+    if (.not. accuracy > 0) accuracy = least_part*root_mean_square(u)
+    ! Rounding errors of the series set a limit.
+    accuracy = max(accuracy, 10*epsilon(step)*step*start_size)
+    done = .false.
+    do while (.not. done .and. this%roundness < roundest)
+      call this%find_coefficients(step, spectral_radius)
+      call this%sum_series(evolution, step, spectral_radius, start_size, accuracy, local_error, &
+                           done)
     end do
-    !$omp end parallel do
-    do term = 1, ubound(this%coefficient, 1)
-      if (mod(term, terms_between) == 1) then
-        last_size = root_mean_square(this%polynomial(:, newer))
-        rounding = max(rounding, epsilon(step)*step*last_size*abs(this%coefficient(term - 1)))
-        if (step*this%left(term - 1)*max(last_size, start_size) <= accuracy) exit
-        if (.not. rounding <= max(accuracy, 1.0e2_wp*epsilon(step)*step*start_size)) exit
-      end if
-      call evolution%jacobian_product(this%polynomial(:, newer), this%product)
-      this%evaluations = this%evaluations + 1
-      call add_term(this%coefficient(term), merge(1.0_wp, 2.0_wp, term == 1), &
-                    2/spectral_radius, this%product, this%polynomial(:, newer), &
-                    this%polynomial(:, older), this%total)
-      older = newer
-      newer = 3 - older
-    end do
-    term = min(term, ubound(this%coefficient, 1)) - 1
-    last_size = root_mean_square(this%polynomial(:, newer))
-    this%error_factor = step*this%left(term)
-    this%last = newer
-    local_error = this%error_factor*max(last_size, start_size)
-    if (.not. rounding <= max(accuracy, 1.0e2_wp*epsilon(step)*step*start_size)) then
-      ! Polynomials grew as exp(growth k); terms are largest at k = growth λ Δt/2, where they are
-      ! exp(growth² λ Δt/4).
-      growth = log(max(2.0_wp, last_size/max(start_size, tiny(start_size))))/max(1, term)
-      this%longest = min(0.5_wp*step, 4*allowed_growth/(growth**2*spectral_radius))
+    if (.not. done) then
+      this%roundness = 0
+      this%longest = 0.5_wp*step
       local_error = huge(local_error)
-      this%failure = 'the spectrum lies too far off the real axis for so long a step'
+      this%failure = 'the spectrum lies too far off the real axis'
       return
     end if
     !$omp parallel do if (n > worth_threads) schedule(static) default(shared) private(k)
@@ -217,15 +268,75 @@ contains
     !$omp end parallel do
   end subroutine advance
 
-  !> The next polynomial, 2 x p - (the one before), x = 1 + 2 A/λ, which takes the place of the one
-  !> before, and its term.
-  subroutine add_term(coefficient, factor, scale, product, newer, older, total)
+  !> Sum the series up, unless its polynomials grow: then make the ellipse rounder.
+  subroutine sum_series(this, evolution, step, spectral_radius, start_size, accuracy, local_error, &
+                        done)
+    class(exponential_t), intent(inout) :: this
+    class(evolution_t), intent(inout) :: evolution
+    real(wp), intent(in) :: step, spectral_radius
+    !> Root mean square of F
+    real(wp), intent(in) :: start_size
+    !> What the series may leave over
+    real(wp), intent(in) :: accuracy
+    !> What it does
+    real(wp), intent(out) :: local_error
+    !> Whether the polynomials stayed bounded
+    logical, intent(out) :: done
+    real(wp) :: last_size, outward, sizes(0:ubound(this%coefficient, 1))
+    integer :: n, k, term, older, newer, half
+
+    n = size(this%total)
+    outward = exp(-this%roundness)
+    older = 1
+    newer = 2
+    !$omp parallel do if (n > worth_threads) schedule(static) default(shared) private(k)
+    do k = 1, n
+      this%polynomial(k, newer) = this%rate_start(k)
+      this%polynomial(k, older) = 0
+      this%total(k) = this%coefficient(0)*this%rate_start(k)
+    end do
+    !$omp end parallel do
+    last_size = start_size
+    done = .true.
+    do term = 0, ubound(this%coefficient, 1)
+      this%last = newer
+      if (term > 0) then
+        call evolution%jacobian_product(this%polynomial(:, newer), this%product)
+        this%evaluations = this%evaluations + 1
+        call add_term(this%coefficient(term), &
+                      merge(1.0_wp, 2.0_wp, term == 1)*cosh(this%roundness)*outward, &
+                      2/spectral_radius, outward**2, this%product, this%polynomial(:, newer), &
+                      this%polynomial(:, older), this%total)
+        this%last = older
+        older = newer
+        newer = this%last
+      end if
+      if (mod(term, terms_between) > 0) cycle
+      last_size = root_mean_square(this%polynomial(:, newer))
+      if (step*this%left(term)*max(last_size, start_size) <= accuracy) exit
+      sizes(term) = last_size
+      if (.not. epsilon(step)*step*abs(this%coefficient(term))*last_size <= &
+          rounding_part*accuracy) then
+        ! In the end they grow as exp(growth k).
+        half = (term/2/terms_between)*terms_between
+        this%roundness = this%roundness + 0.01_wp + widening*log(sizes(term)/sizes(half))/ &
+                         (term - half)
+        done = .false.
+        exit
+      end if
+    end do
+    term = min(term, ubound(this%coefficient, 1))
+    this%error_factor = step*this%left(term)
+    local_error = max(this%error_factor*max(last_size, start_size), &
+                      epsilon(step)*step*start_size)
+  end subroutine sum_series
+
+  !> The next polynomial, which takes the place of the one before the last, and its term.
+  subroutine add_term(coefficient, factor, scale, damping, product, newer, older, total)
     !> Of the term
     real(wp), intent(in) :: coefficient
-    !> 2, but 1 for the first
-    real(wp), intent(in) :: factor
-    !> 2/λ
-    real(wp), intent(in) :: scale
+    !> The next polynomial is factor (1 + scale A) times the last less damping times the one before.
+    real(wp), intent(in) :: factor, scale, damping
     !> A times the last polynomial, that itself and the one before
     real(wp), intent(in), contiguous :: product(:), newer(:)
     real(wp), intent(inout), contiguous :: older(:)
@@ -235,37 +346,40 @@ contains
 
     !$omp parallel do if (size(total) > worth_threads) schedule(static) default(shared) private(k)
     do k = 1, size(total)
-      older(k) = factor*(newer(k) + scale*product(k)) - older(k)
+      older(k) = factor*(newer(k) + scale*product(k)) - damping*older(k)
       total(k) = total(k) + coefficient*older(k)
     end do
     !$omp end parallel do
   end subroutine add_term
 
-  !> Coefficients of φ(λ Δt (x - 1)/2), by a discrete cosine transform.
+  !> Coefficients of φ(Δt λ/2 (x/cosh g - 1)) in Tₖ(x) exp(-k g), by a discrete Fourier transform on
+  !> the ellipse x = cosh(g + iθ).
   subroutine find_coefficients(this, step, spectral_radius)
     class(exponential_t), intent(inout) :: this
     real(wp), intent(in) :: step
     real(wp), intent(in) :: spectral_radius
-    real(wp), allocatable :: x(:), value(:), newer(:), older(:), oldest(:)
+    complex(wp), allocatable :: value(:), turn(:)
+    real(wp) :: z, angle
     integer :: terms, nodes, k
 
-    if (all(abs([step, spectral_radius] - this%made_for) <= 1.0e-11_wp*this%made_for)) return
-    this%made_for = [step, spectral_radius]
+    if (all(abs([step, spectral_radius, this%roundness] - this%made_for) <= &
+            1.0e-11_wp*abs(this%made_for))) return
+    this%made_for = [step, spectral_radius, this%roundness]
     if (allocated(this%coefficient)) deallocate (this%coefficient, this%left)
-    terms = ceiling(1.1_wp*exponential_terms(step*spectral_radius, epsilon(step))) + 10
+    z = 0.5_wp*step*spectral_radius
+    terms = ceiling(1.1_wp*exponential_terms(2*z, epsilon(step), this%roundness)) + 10
     nodes = terms + terms/4 + 8
-    x = cos([((k - 0.5_wp)*pi/nodes, k=1, nodes)])
-    value = phi(0.5_wp*step*spectral_radius*(x - 1))*2/nodes
-    allocate (this%coefficient(0:terms), this%left(0:terms))
-    allocate (newer(nodes), oldest(nodes), source=1.0_wp)
-    older = x
-    this%coefficient(0) = 0.5_wp*sum(value)
-    do k = 1, terms
-      oldest = newer
-      newer = older
-      older = 2*x*newer - oldest
-      this%coefficient(k) = sum(value*newer)
+    allocate (this%coefficient(0:terms), this%left(0:terms), value(nodes), turn(nodes))
+    do k = 1, nodes
+      angle = (k - 0.5_wp)*pi/nodes
+      turn(k) = exp(cmplx(0.0_wp, -angle, wp))
+      value(k) = phi(z*(cosh(cmplx(this%roundness, angle, wp))/cosh(this%roundness) - 1))*2/nodes
     end do
+    do k = 0, terms
+      this%coefficient(k) = sum(real(value, wp))
+      value = value*turn
+    end do
+    this%coefficient(0) = 0.5_wp*this%coefficient(0)
     this%left(terms) = abs(this%coefficient(terms))
     do k = terms - 1, 0, -1
       this%left(k) = this%left(k + 1) + abs(this%coefficient(k + 1))
@@ -274,8 +388,8 @@ contains
 
   !> (exp z - 1)/z; near 0 its Taylor series.
   elemental function phi(z)
-    real(wp), intent(in) :: z
-    real(wp) :: phi
+    complex(wp), intent(in) :: z
+    complex(wp) :: phi
     integer :: k
 
     if (abs(z) > 0.5_wp) then

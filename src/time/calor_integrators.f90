@@ -16,7 +16,7 @@ module calor_integrators
 
   !> Every integrator that a scene may name
   type(choice_t), parameter :: integrator_choices(*) = [ &
-      choice_t('auto', 'the cheapest that meets the tolerance: rkl2'), &
+      choice_t('auto', 'the cheapest of rkl2, tr_bdf2 and exponential, as foreseen'), &
       choice_t('forward_euler', 'first order, one evaluation a step'), &
       choice_t('runge_kutta_4', 'fourth order, four evaluations a step'), &
       choice_t('rkl2', 'second order, stabilised for diffusion: long steps, adaptive'), &

@@ -33,10 +33,10 @@ module calor_tr_bdf2
   real(wp), parameter :: difference(3) = [(1 - 4*w)/3, 1.0_wp/3, -2*own/3]
   !> Newton's method ends when what is left of it is this part of the tolerance
   real(wp), parameter :: newton_part = 0.02_wp
-  !> Where each correction is not this part of the one before, the Jacobian is found anew; where
-  !> that is so with a new one, the step is given up
+  !> Where a correction is not this part of the one before, the Jacobian is found anew; where late
+  !> ones still are as large as those before, or after the last, the step is given up
   real(wp), parameter :: slow = 0.2_wp, hopeless = 0.9_wp
-  integer, parameter :: most_corrections = 12
+  integer, parameter :: most_grown = 6, most_corrections = 15
   !> Without error control, stages are solved to this part of the state
   real(wp), parameter :: least_part = 1.0e-11_wp
   !> A step grows only if by so much: a new step takes new factors
@@ -197,9 +197,8 @@ contains
     real(wp), intent(out), contiguous :: rate(:)
     real(wp) :: correction, before, ratio
     integer :: iteration, k
-    logical :: done, fresh
+    logical :: done
 
-    fresh = .false.
     before = 0
     call evolution%impose(time, u)
     do iteration = 1, most_corrections
@@ -234,16 +233,15 @@ contains
       ratio = 0.5_wp
       if (iteration > 1) ratio = correction/max(before, tiny(before))
       if (correction*min(1.0_wp, ratio/max(0.1_wp, 1 - ratio)) <= newton_part*accuracy) exit
-      if (iteration == most_corrections .or. (ratio > hopeless .and. fresh)) then
+      if (iteration == most_corrections .or. (ratio > hopeless .and. iteration > most_grown)) then
         this%failure = 'Newton''s method does not converge in a step of '// &
                        to_text(step, digits=3)//' s'
         return
       end if
       before = correction
-      if (ratio > slow .and. iteration > 1 .and. .not. fresh) then
+      if (ratio > slow .and. iteration > 1) then
         call this%find_jacobian(evolution, time, u)
         call this%system%set_shift(own*step, done)
-        fresh = .true.
       end if
     end do
     !$omp parallel do if (size(u) > worth_threads) schedule(static) default(shared) private(k)

@@ -1,0 +1,314 @@
+!> The time integrator that should cost least, and what each should cost.
+!>
+!> Costs are foreseen from work that is counted, products with the Laplacian and factors of its
+!> matrix, and from what a unit of work takes on a core of today, measured once and written down
+!> below. No clock decides: the same scene is integrated by the same method whenever and wherever it
+!> runs, on any number of threads.
+!>
+!> How many products the exponential propagator takes follows from the spectral radius, the
+!> tolerance and a short trial (see calor_exponential). How many steps methods of second order take
+!> is known from the first ones of a run with RKL2: their length grows with a power of the time, or
+!> in the end as the cube root of the slowest decay. That trial is left out where the exponential
+!> propagator is cheaper than any such run.
+module calor_method_choice
+  use calor_error, only: error_t
+  use calor_evolution, only: evolution_t
+  use calor_exponential, only: exponential_terms, find_roundness, longest_series, trial_terms
+  use calor_integrators, only: make_integrator
+  use calor_kinds, only: wp
+  use calor_stepper, only: stepper_t
+  use calor_text, only: to_text
+  implicit none (type, external)
+  private
+
+  public :: method_choice_t, method_cost_t, problem_t, foresee_costs, seconds_text
+  public :: rkl2_cost, tr_bdf2_cost, exponential_cost, pilot_t, run_pilot, steps_ahead
+
+  !> Seconds of one core for: a row and an entry of a product; a row in the vector updates of a
+  !> stage; an entry of the factors in a solution; a floating-point operation of the factorisation,
+  !> and an entry of the factors and of the matrix in it
+  real(wp), parameter :: row_seconds = 1.5e-9_wp, entry_seconds = 1.0e-9_wp
+  real(wp), parameter :: stage_seconds = 2.5e-9_wp, solution_seconds = 1.5e-9_wp
+  real(wp), parameter :: operation_seconds = 4.0e-10_wp, factor_seconds = 8.0e-9_wp, &
+                         matrix_seconds = 1.0e-7_wp
+  !> Entries of both factors of a matrix with m entries in each of n rows: this times m n log2 n.
+  !> Operations to find them: this times (m n)^1.5. Both measured on clouds of the plane.
+  real(wp), parameter :: fill = 0.5_wp, operations = 6.0_wp
+  !> Steps of the trial, and the fewest steps that any run of second order takes
+  integer, parameter :: pilot_steps = 12, fewest_steps = 4
+  !> New factors that steps of growing length take
+  integer, parameter :: usual_factorisations = 6
+
+  !> What is known of a problem before it is integrated
+  type :: problem_t
+    !> Rows, and entries beside the diagonal
+    real(wp) :: rows = 0.0_wp, entries = 0.0_wp
+    !> Spectral radius, 1/s
+    real(wp) :: spectral_radius = 0.0_wp
+    !> The time to integrate, s, and in how many parts, each of which ends with an output
+    real(wp) :: duration = 0.0_wp, parts = 1.0_wp
+    !> Error that a step may make, and the size of the state
+    real(wp) :: tolerance = 0.0_wp, scale = 1.0_wp
+    !> The slowest decay, 1/s; 0: not known
+    real(wp) :: slowest = 0.0_wp
+    !> Whether the exponential propagator and TR-BDF2 can integrate it
+    logical :: linear = .false., implicit = .true.
+  end type problem_t
+
+  !> What a method should take
+  type :: method_cost_t
+    character(len=12) :: name = ''
+    !> Steps; products with the Laplacian; seconds of one core
+    real(wp) :: steps = 0.0_wp, products = 0.0_wp, seconds = 0.0_wp
+    !> Whether that is a bound, as no trial was made
+    logical :: at_most = .false.
+  end type method_cost_t
+
+  !> What the first steps of a run have shown
+  type :: pilot_t
+    !> Steps taken, and the time reached, s
+    integer :: steps = 0
+    real(wp) :: time = 0.0_wp
+    !> The next step, s, and the power of the time with which steps grow
+    real(wp) :: step = 0.0_wp, power = 0.0_wp
+  end type pilot_t
+
+  !> The method, and why
+  type :: method_choice_t
+    character(len=:), allocatable :: method
+    !> All that could be taken, the cheapest first
+    type(method_cost_t), allocatable :: costs(:)
+  contains
+    !> In one sentence
+    procedure :: sentence
+  end type method_choice_t
+
+contains
+
+  !> Find the cheapest method.
+  subroutine foresee_costs(problem, evolution, stepper, state, choice)
+    !> What is known
+    type(problem_t), intent(in) :: problem
+    !> What is integrated
+    class(evolution_t), intent(inout) :: evolution
+    !> RKL2, ready to step; it stays as it is
+    type(stepper_t), intent(in) :: stepper
+    !> The state at time 0
+    real(wp), intent(in) :: state(:)
+    type(method_choice_t), intent(out) :: choice
+    type(pilot_t) :: pilot
+    type(method_cost_t) :: exponential, bound
+    real(wp) :: roundness, least
+    integer :: evaluations
+
+    allocate (choice%costs(0))
+    least = huge(least)
+    if (problem%implicit) then
+      bound = tr_bdf2_cost(problem, max(real(fewest_steps, wp), problem%parts))
+      least = bound%seconds
+    end if
+    if (problem%linear) then
+      exponential = exponential_cost(problem, 0.0_wp)
+      if (exponential%products > 2*trial_terms) then
+        call find_roundness(evolution, problem%spectral_radius, roundness, evaluations)
+        exponential = exponential_cost(problem, roundness)
+      end if
+      choice%costs = [exponential]
+      if (exponential%seconds <= least) then
+        choice%method = 'exponential'
+        return
+      end if
+    else
+      ! Steps grow, as a rule: there will hardly be more than if all were as the first.
+      bound = rkl2_cost(problem, problem%duration/stepper%first_proposal())
+      if (bound%seconds <= least) then
+        bound%at_most = .true.
+        choice%costs = [bound]
+        choice%method = 'rkl2'
+        return
+      end if
+    end if
+    call run_pilot(problem, evolution, stepper, state, pilot)
+    associate (steps => steps_ahead(problem, pilot))
+      choice%costs = [choice%costs, rkl2_cost(problem, steps)]
+      if (problem%implicit) choice%costs = [choice%costs, tr_bdf2_cost(problem, steps)]
+    end associate
+    call sort(choice%costs)
+    choice%method = trim(choice%costs(1)%name)
+  end subroutine foresee_costs
+
+  pure subroutine sort(costs)
+    type(method_cost_t), intent(inout) :: costs(:)
+    type(method_cost_t) :: cheapest
+    integer :: k, place
+
+    do k = 1, size(costs) - 1
+      place = k - 1 + minloc(costs(k:)%seconds, dim=1)
+      cheapest = costs(place)
+      costs(place) = costs(k)
+      costs(k) = cheapest
+    end do
+  end subroutine sort
+
+  !> Steps of RKL2 as long as the tolerance allows, on a copy of the state.
+  subroutine run_pilot(problem, evolution, stepper, state, pilot)
+    type(problem_t), intent(in) :: problem
+    class(evolution_t), intent(inout) :: evolution
+    type(stepper_t), intent(in) :: stepper
+    real(wp), intent(in) :: state(:)
+    type(pilot_t), intent(out) :: pilot
+    type(stepper_t) :: trial
+    type(error_t), allocatable :: error
+    real(wp), allocatable :: u(:)
+    real(wp) :: middle, middle_step
+
+    trial = stepper
+    u = state
+    ! Steps are as long as they would be on the way to the end, not to the first output.
+    call trial%advance_to(evolution, pilot%time, problem%duration, u, error, &
+                          at_most=pilot_steps/2)
+    middle = pilot%time
+    middle_step = trial%next_proposal()
+    if (.not. allocated(error) .and. pilot%time < problem%duration) then
+      call trial%advance_to(evolution, pilot%time, problem%duration, u, error, &
+                            at_most=pilot_steps/2)
+    end if
+    pilot%steps = trial%steps
+    pilot%step = trial%next_proposal()
+    if (pilot%time > middle .and. middle > 0 .and. pilot%step > middle_step) then
+      pilot%power = min(2.0_wp, log(pilot%step/middle_step)/log(pilot%time/middle))
+    end if
+  end subroutine run_pilot
+
+  !> Steps of second order that the whole run takes. After the trial Δt goes with a power p of the
+  !> time, as it does while heat spreads from where it was, and once that is slower as exp(t μ/3):
+  !> the third derivative of the slowest mode decays as exp(-t μ).
+  pure function steps_ahead(problem, pilot) result(steps)
+    type(problem_t), intent(in) :: problem
+    type(pilot_t), intent(in) :: pilot
+    real(wp) :: steps
+    real(wp) :: step, time, turn, part, growth
+
+    steps = pilot%steps
+    time = pilot%time
+    step = pilot%step
+    if (.not. time < problem%duration .or. .not. step > 0) return
+    turn = problem%duration
+    growth = 0
+    if (problem%slowest > 0 .and. pilot%power > 0.02_wp) then
+      growth = problem%slowest/3
+      turn = min(turn, max(time, pilot%power/growth))
+    end if
+    if (turn > time) then
+      ! ∫ dt/Δt, Δt = step (t/time)^p
+      if (abs(1 - pilot%power) > 1.0e-3_wp) then
+        part = ((turn/time)**(1 - pilot%power) - 1)/(1 - pilot%power)
+      else
+        part = log(turn/time)
+      end if
+      steps = steps + part*time/step
+      step = step*(turn/time)**pilot%power
+    end if
+    if (problem%duration > turn .and. growth > 0) then
+      steps = steps + (1 - exp(-min(700.0_wp, growth*(problem%duration - turn))))/(growth*step)
+    end if
+  end function steps_ahead
+
+  !> Steps of RKL2, each with as many stages as it needs.
+  pure function rkl2_cost(problem, steps) result(cost)
+    type(problem_t), intent(in) :: problem
+    real(wp), intent(in) :: steps
+    type(method_cost_t) :: cost
+    real(wp) :: stages
+
+    cost%name = 'rkl2'
+    cost%steps = max(steps, problem%parts)
+    ! s² + s - 2 = 2 λ Δt, rounded up to an odd number
+    stages = max(3.0_wp, 1 + 0.5_wp*(sqrt(9 + 8*problem%spectral_radius*problem%duration/ &
+                                          cost%steps) - 1))
+    cost%products = cost%steps*stages
+    cost%seconds = cost%products*stage_cost(problem)
+  end function rkl2_cost
+
+  !> Steps of TR-BDF2 with factors: two products and three solutions each.
+  pure function tr_bdf2_cost(problem, steps) result(cost)
+    type(problem_t), intent(in) :: problem
+    real(wp), intent(in) :: steps
+    type(method_cost_t) :: cost
+    real(wp) :: in_matrix, in_factors
+
+    cost%name = 'tr_bdf2'
+    cost%steps = max(steps, problem%parts)
+    cost%products = 2*cost%steps
+    in_matrix = problem%entries + problem%rows
+    in_factors = fill*in_matrix*log(max(2.0_wp, problem%rows))/log(2.0_wp)
+    cost%seconds = cost%products*stage_cost(problem) + &
+                   3*cost%steps*(in_factors*solution_seconds + problem%rows*stage_seconds) + &
+                   matrix_seconds*in_matrix + min(cost%steps, real(usual_factorisations, wp))* &
+                   (factor_seconds*in_factors + operation_seconds*operations*in_matrix**1.5_wp)
+  end function tr_bdf2_cost
+
+  !> One series for each part, or several where it would be too long.
+  pure function exponential_cost(problem, roundness) result(cost)
+    type(problem_t), intent(in) :: problem
+    real(wp), intent(in) :: roundness
+    type(method_cost_t) :: cost
+    real(wp) :: decay, part
+
+    cost%name = 'exponential'
+    decay = problem%spectral_radius*problem%duration
+    cost%steps = max(problem%parts, real(ceiling(min(1.0e9_wp, decay/longest_series)), wp))
+    ! A state that decays along with its own error: Δt F is about the state.
+    part = 0.1_wp*problem%tolerance/problem%scale
+    cost%products = cost%steps*(1 + exponential_terms(decay/cost%steps, part, roundness))
+    if (cost%products > 2*trial_terms) cost%products = cost%products + trial_terms
+    cost%seconds = cost%products*stage_cost(problem)
+  end function exponential_cost
+
+  !> Seconds of one core for a product and the vector updates that go with it
+  pure function stage_cost(problem) result(seconds)
+    type(problem_t), intent(in) :: problem
+    real(wp) :: seconds
+
+    seconds = problem%rows*(row_seconds + stage_seconds) + problem%entries*entry_seconds
+  end function stage_cost
+
+  !> 'exponential: 1 step, 45 products, 0.2 ms; rkl2: …', of one core
+  function sentence(this) result(text)
+    class(method_choice_t), intent(in) :: this
+    character(len=:), allocatable :: text
+    integer :: k
+
+    text = ''
+    do k = 1, size(this%costs)
+      associate (cost => this%costs(k))
+        if (k > 1) text = text//'; '
+        text = text//trim(cost%name)//merge(': at most ', ': about   ', cost%at_most)
+        text = trim(text)//' '//to_text(anint(cost%steps), digits=3)// &
+               trim(merge(' step, ', ' steps,', anint(cost%steps) < 1.5_wp))//' '// &
+               to_text(anint(cost%products), digits=3)//' products, '//seconds_text(cost%seconds)
+      end associate
+    end do
+    if (size(this%costs) == 0) then
+      text = 'no other method takes what is in force'
+    else
+      text = text//' of one core'
+      if (size(this%costs) == 1) text = text//'; nothing else could be cheaper'
+    end if
+  end function sentence
+
+  !> A time for people, as in '1.5 ms'.
+  pure function seconds_text(seconds) result(text)
+    real(wp), intent(in) :: seconds
+    character(len=:), allocatable :: text
+
+    if (seconds < 1.0e-3_wp) then
+      text = to_text(1.0e6_wp*seconds, digits=2)//' µs'
+    else if (seconds < 1.0_wp) then
+      text = to_text(1.0e3_wp*seconds, digits=2)//' ms'
+    else
+      text = to_text(seconds, digits=2)//' s'
+    end if
+  end function seconds_text
+
+end module calor_method_choice
