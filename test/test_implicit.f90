@@ -3,7 +3,7 @@ module test_implicit
   use calor_bicgstab, only: solve_by_bicgstab
   use calor_error, only: error_t
   use calor_evolution, only: evolution_t
-  use calor_exponential, only: exponential_terms
+  use calor_exponential, only: exponential_terms, part_left
   use calor_implicit_system, only: implicit_system_t
   use calor_incomplete_factors, only: incomplete_factors_t
   use calor_integrator, only: integrator_t
@@ -565,7 +565,7 @@ contains
         call make_integrator('exponential', integrator, failure)
         integrator%tolerance = 10.0_wp**(-digits)
         call integrator%advance(chain, 0.0_wp, 1.0_wp, 4*chain%stiffness, u, next, estimate)
-        foreseen = exponential_terms(4*chain%stiffness, 0.1_wp*integrator%tolerance/ &
+        foreseen = exponential_terms(4*chain%stiffness, part_left*integrator%tolerance/ &
                                      chain%stiffness, 0.0_wp)
         call check(error, integrator%evaluations/foreseen < 1.5_wp .and. &
                    integrator%evaluations/foreseen > 1/1.5_wp, &

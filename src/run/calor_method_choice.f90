@@ -13,7 +13,9 @@
 module calor_method_choice
   use calor_error, only: error_t
   use calor_evolution, only: evolution_t
-  use calor_exponential, only: exponential_terms, find_roundness, longest_series, trial_terms
+  use calor_exponential, only: exponential_terms, find_roundness, longest_series, part_left, &
+                               trial_terms, &
+                               needs_trial, useful_roundness
   use calor_integrators, only: make_integrator
   use calor_kinds, only: wp
   use calor_stepper, only: stepper_t
@@ -24,11 +26,12 @@ module calor_method_choice
   public :: method_choice_t, method_cost_t, problem_t, foresee_costs, seconds_text
   public :: rkl2_cost, tr_bdf2_cost, exponential_cost, pilot_t, run_pilot, steps_ahead
 
-  !> Seconds of one core for: a row and an entry of a product; a row in the vector updates of a
-  !> stage; an entry of the factors in a solution; a floating-point operation of the factorisation,
-  !> and an entry of the factors and of the matrix in it
-  real(wp), parameter :: row_seconds = 1.5e-9_wp, entry_seconds = 1.0e-9_wp
-  real(wp), parameter :: stage_seconds = 2.5e-9_wp, solution_seconds = 1.5e-9_wp
+  !> Seconds of one core for: a row and an entry of a product, and what it takes anyway; a row in
+  !> the vector updates of a stage; an entry of the factors in a solution; a floating-point
+  !> operation of the factorisation, and an entry of the factors and of the matrix in it
+  real(wp), parameter :: row_seconds = 1.0e-9_wp, entry_seconds = 5.0e-10_wp
+  real(wp), parameter :: call_seconds = 1.0e-6_wp
+  real(wp), parameter :: stage_seconds = 2.0e-9_wp, solution_seconds = 1.5e-9_wp
   real(wp), parameter :: operation_seconds = 4.0e-10_wp, factor_seconds = 8.0e-9_wp, &
                          matrix_seconds = 1.0e-7_wp
   !> Entries of both factors of a matrix with m entries in each of n rows: this times m n log2 n.
@@ -47,7 +50,8 @@ module calor_method_choice
     real(wp) :: spectral_radius = 0.0_wp
     !> The time to integrate, s, and in how many parts, each of which ends with an output
     real(wp) :: duration = 0.0_wp, parts = 1.0_wp
-    !> Error that a step may make, and the size of the state
+    !> Error that a step may make, and the rate at the start times the duration, both root mean
+    !> square
     real(wp) :: tolerance = 0.0_wp, scale = 1.0_wp
     !> The slowest decay, 1/s; 0: not known
     real(wp) :: slowest = 0.0_wp
@@ -109,7 +113,8 @@ contains
     end if
     if (problem%linear) then
       exponential = exponential_cost(problem, 0.0_wp)
-      if (exponential%products > 2*trial_terms) then
+      ! The integrator makes the same trial.
+      if (trial_needed(problem)) then
         call find_roundness(evolution, problem%spectral_radius, roundness, evaluations)
         exponential = exponential_cost(problem, roundness)
       end if
@@ -253,24 +258,49 @@ contains
     type(problem_t), intent(in) :: problem
     real(wp), intent(in) :: roundness
     type(method_cost_t) :: cost
-    real(wp) :: decay, part
+    real(wp) :: decay
 
     cost%name = 'exponential'
-    decay = problem%spectral_radius*problem%duration
-    cost%steps = max(problem%parts, real(ceiling(min(1.0e9_wp, decay/longest_series)), wp))
-    ! A state that decays along with its own error: Δt F is about the state.
-    part = 0.1_wp*problem%tolerance/problem%scale
-    cost%products = cost%steps*(1 + exponential_terms(decay/cost%steps, part, roundness))
-    if (cost%products > 2*trial_terms) cost%products = cost%products + trial_terms
+    cost%steps = series_needed(problem)
+    decay = problem%spectral_radius*problem%duration/cost%steps
+    cost%products = 1 + exponential_terms(decay, part_of(problem), &
+                                          useful_roundness(roundness, decay))
+    cost%products = cost%steps*cost%products
+    if (trial_needed(problem)) cost%products = cost%products + trial_terms
     cost%seconds = cost%products*stage_cost(problem)
   end function exponential_cost
+
+  pure function series_needed(problem) result(number)
+    type(problem_t), intent(in) :: problem
+    real(wp) :: number
+
+    number = max(problem%parts, anint(0.5_wp + problem%spectral_radius*problem%duration/ &
+                                      longest_series))
+  end function series_needed
+
+  pure function trial_needed(problem) result(answer)
+    type(problem_t), intent(in) :: problem
+    logical :: answer
+
+    answer = needs_trial(problem%spectral_radius*problem%duration/series_needed(problem), &
+                         part_of(problem))
+  end function trial_needed
+
+  !> What a series may leave over, as a part of Δt F
+  pure function part_of(problem) result(part)
+    type(problem_t), intent(in) :: problem
+    real(wp) :: part
+
+    part = part_left*problem%tolerance/(problem%scale/series_needed(problem))
+  end function part_of
 
   !> Seconds of one core for a product and the vector updates that go with it
   pure function stage_cost(problem) result(seconds)
     type(problem_t), intent(in) :: problem
     real(wp) :: seconds
 
-    seconds = problem%rows*(row_seconds + stage_seconds) + problem%entries*entry_seconds
+    seconds = call_seconds + problem%rows*(row_seconds + stage_seconds) + &
+              problem%entries*entry_seconds
   end function stage_cost
 
   !> 'exponential: 1 step, 45 products, 0.2 ms; rkl2: …', of one core

@@ -40,8 +40,6 @@ module calor_simulation
   integer, parameter :: lowest_reference_order = 3
   !> An eigenvalue as small as this, as a part of the spectral radius, is 0
   real(wp), parameter :: rounding = 1.0e-11_wp
-  !> Parts into which the estimate of the error divides a run that is otherwise one step
-  real(wp), parameter :: estimate_parts = 8.0_wp
   !> Error of one step, as a part of the range of given temperatures, where the scene gives none
   real(wp), parameter :: default_tolerance = 1.0e-6_wp
 
@@ -739,9 +737,10 @@ contains
     problem%spectral_radius = stepper%spectral_radius
     problem%duration = this%scene%time%end
     problem%parts = this%states_after_start()
-    if (this%scene%accuracy%estimate) problem%parts = max(problem%parts, estimate_parts)
     problem%tolerance = tolerance
-    problem%linear = this%conduction%is_linear() .and. .not. this%conduction%depends_on_time()
+    ! The estimate of the error follows a solution by steps that are not too long.
+    problem%linear = this%conduction%is_linear() .and. .not. this%conduction%depends_on_time() &
+                     .and. .not. this%scene%accuracy%estimate
     problem%implicit = this%conduction%mapping == 0
     if (problem%linear) then
       ! Only a decay that was found is known.

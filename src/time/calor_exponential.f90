@@ -28,10 +28,12 @@ module calor_exponential
   implicit none (type, external)
   private
 
-  public :: exponential_t, exponential_terms, find_roundness, longest_series, trial_terms
+  public :: exponential_t, exponential_terms, find_roundness, longest_series, part_left, &
+            trial_terms, &
+            needs_trial, useful_roundness
 
   !> The series ends when what it leaves over should be this part of the tolerance …
-  real(wp), parameter :: part_left = 0.1_wp
+  real(wp), parameter :: part_left = 0.01_wp
   !> … or, without a tolerance, this part of the state
   real(wp), parameter :: least_part = 1.0e-13_wp
   !> The polynomials are measured after so many terms
@@ -128,16 +130,33 @@ contains
     real(wp), intent(in) :: spectral_radius
     real(wp), intent(inout) :: step
 
-    integer :: evaluations
-
-    if (.not. this%tried .and. exponential_terms(step*spectral_radius, 1.0e-8_wp, 0.0_wp) > &
-        2*trial_terms) then
-      this%tried = .true.
-      call find_roundness(evolution, spectral_radius, this%roundness, evaluations)
-      this%evaluations = this%evaluations + evaluations
-    end if
+    associate (unused => evolution, also => spectral_radius)
+    end associate
     step = min(step, this%longest)
   end subroutine shorten_step
+
+  !> Whether a series is so long that the trial is worth its products.
+  pure function needs_trial(decay, part) result(answer)
+    !> Spectral radius times step
+    real(wp), intent(in) :: decay
+    !> What the series may leave over, as a part of Δt F
+    real(wp), intent(in) :: part
+    logical :: answer
+
+    answer = exponential_terms(decay, part, 0.0_wp) > 2*trial_terms
+  end function needs_trial
+
+  !> Where polynomials cannot grow to more than some ten times, an interval will do.
+  pure function useful_roundness(roundness, decay) result(useful)
+    real(wp), intent(in) :: roundness
+    !> Spectral radius times step
+    real(wp), intent(in) :: decay
+    real(wp) :: useful
+
+    ! Terms grow to exp(z (1 - 1/cosh g)), about exp(z g²/2), z = λ Δt/2.
+    useful = 0
+    if (0.5_wp*decay*(1 - 1/cosh(roundness)) > 3) useful = roundness
+  end function useful_roundness
 
   !> How round an ellipse has to be for polynomials to stay bounded on a vector of random numbers.
   subroutine find_roundness(evolution, spectral_radius, roundness, evaluations)
@@ -227,7 +246,7 @@ contains
     real(wp), intent(out) :: u_next(:)
     real(wp), intent(out) :: local_error
     real(wp) :: accuracy, start_size
-    integer :: n, k
+    integer :: n, k, trials
     logical :: done
 
     n = size(u)
@@ -243,11 +262,17 @@ contains
     end if
     call evolution%rate(time, u, this%rate_start)
     this%evaluations = this%evaluations + 1
-    start_size = root_mean_square(this%rate_start)
+    start_size = max(root_mean_square(this%rate_start), tiny(start_size)**0.25_wp)
     accuracy = part_left*this%tolerance
     if (.not. accuracy > 0) accuracy = least_part*root_mean_square(u)
     ! Rounding errors of the series set a limit.
     accuracy = max(accuracy, 10*epsilon(step)*step*start_size)
+    if (.not. this%tried .and. needs_trial(step*spectral_radius, accuracy/(step*start_size))) then
+      this%tried = .true.
+      call find_roundness(evolution, spectral_radius, this%roundness, trials)
+      this%evaluations = this%evaluations + trials
+    end if
+    this%roundness = useful_roundness(this%roundness, step*spectral_radius)
     done = .false.
     do while (.not. done .and. this%roundness < roundest)
       call this%find_coefficients(step, spectral_radius)
