@@ -242,6 +242,11 @@ contains
     if (allocated(error)) return
     call file%open(this%scene, this%cloud, this%effects_in_force(), error)
     if (allocated(error)) return
+    if (allocated(this%choice)) then
+      call file%say('time_method', this%method//' ('//this%choice%sentence()//')')
+    else if (allocated(this%method)) then
+      call file%say('time_method', this%method)
+    end if
     call this%write_row_fields(file)
     states = this%states_after_start()
     do written = 0, states

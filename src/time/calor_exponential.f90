@@ -33,7 +33,7 @@ module calor_exponential
             needs_trial, useful_roundness
 
   !> The series ends when what it leaves over should be this part of the tolerance …
-  real(wp), parameter :: part_left = 0.01_wp
+  real(wp), parameter :: part_left = 0.1_wp
   !> … or, without a tolerance, this part of the state
   real(wp), parameter :: least_part = 1.0e-13_wp
   !> The polynomials are measured after so many terms
@@ -338,14 +338,16 @@ contains
       end if
       if (mod(term, terms_between) > 0) cycle
       last_size = root_mean_square(this%polynomial(:, newer))
-      if (step*this%left(term)*max(last_size, start_size) <= accuracy) exit
+      ! The terms since the last look are a measure of those to come, on the safe side.
+      if (step*this%left(max(0, term - terms_between))*max(last_size, start_size) <= accuracy) exit
       sizes(term) = last_size
+      if (term < 2*terms_between) cycle
       if (.not. epsilon(step)*step*abs(this%coefficient(term))*last_size <= &
-          rounding_part*accuracy) then
+          rounding_part*accuracy .or. term + terms_between > ubound(this%coefficient, 1)) then
         ! In the end they grow as exp(growth k).
         half = (term/2/terms_between)*terms_between
-        this%roundness = this%roundness + 0.01_wp + widening*log(sizes(term)/sizes(half))/ &
-                         (term - half)
+        this%roundness = this%roundness + 0.01_wp + &
+                         widening*max(0.0_wp, log(sizes(term)/sizes(half)))/(term - half)
         done = .false.
         exit
       end if

@@ -40,7 +40,7 @@ module calor_tr_bdf2
   !> Without error control, stages are solved to this part of the state
   real(wp), parameter :: least_part = 1.0e-11_wp
   !> A step grows only if by so much: a new step takes new factors
-  real(wp), parameter :: least_growth = 1.5_wp, most_growth = 10.0_wp
+  real(wp), parameter :: least_growth = 2.0_wp, most_growth = 10.0_wp
 
   type, extends(integrator_t) :: tr_bdf2_t
     !> Its linear systems
