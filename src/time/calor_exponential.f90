@@ -30,7 +30,7 @@ module calor_exponential
 
   public :: exponential_t, exponential_terms, find_roundness, longest_series, part_left, &
             trial_terms, &
-            needs_trial, useful_roundness
+            useful_roundness
 
   !> The series ends when what it leaves over should be this part of the tolerance …
   real(wp), parameter :: part_left = 0.1_wp
@@ -42,13 +42,13 @@ module calor_exponential
   integer, parameter :: most_terms = 4000
   !> Spectral radius times step of a series of that length
   real(wp), parameter :: longest_series = 0.9_wp*real(most_terms, wp)**2/36
-  !> Terms of the trial that finds out how round the ellipse has to be, where a series is longer
-  !> than that; growth slower than this needs no other ellipse than an interval
-  integer, parameter :: trial_terms = 48
-  real(wp), parameter :: least_growth = 0.02_wp
+  !> Terms of the trial that finds out how round the ellipse has to be, at least and as a part of the
+  !> series; it is made where a series is longer than twice that
+  integer, parameter :: fewest_trial_terms = 48
+  real(wp), parameter :: trial_part = 0.15_wp
   !> Where rounding errors of a term reach this part of what is allowed, polynomials have grown too
   !> much; the next ellipse is wider than they tell by the second factor
-  real(wp), parameter :: rounding_part = 0.3_wp, widening = 1.05_wp
+  real(wp), parameter :: rounding_part = 0.3_wp, widening = 1.1_wp
   !> The roundest ellipse: as good as a circle
   real(wp), parameter :: roundest = 4.0_wp
 
@@ -135,16 +135,20 @@ contains
     step = min(step, this%longest)
   end subroutine shorten_step
 
-  !> Whether a series is so long that the trial is worth its products.
-  pure function needs_trial(decay, part) result(answer)
+  !> How many terms a trial should have; 0: the series is so short that none is worth its products.
+  pure function trial_terms(decay, part) result(terms)
     !> Spectral radius times step
     real(wp), intent(in) :: decay
     !> What the series may leave over, as a part of Δt F
     real(wp), intent(in) :: part
-    logical :: answer
+    integer :: terms
+    real(wp) :: series
 
-    answer = exponential_terms(decay, part, 0.0_wp) > 2*trial_terms
-  end function needs_trial
+    series = exponential_terms(decay, part, 0.0_wp)
+    terms = 0
+    if (series > 2*fewest_trial_terms) terms = max(fewest_trial_terms, nint(trial_part*series))
+    terms = terms + mod(terms, 2)
+  end function trial_terms
 
   !> Where polynomials cannot grow to more than some ten times, an interval will do.
   pure function useful_roundness(roundness, decay) result(useful)
@@ -159,15 +163,15 @@ contains
   end function useful_roundness
 
   !> How round an ellipse has to be for polynomials to stay bounded on a vector of random numbers.
-  subroutine find_roundness(evolution, spectral_radius, roundness, evaluations)
+  subroutine find_roundness(evolution, spectral_radius, terms, roundness)
     !> Whose Jacobian
     class(evolution_t), intent(inout) :: evolution
     !> Its spectral radius, 1/s
     real(wp), intent(in) :: spectral_radius
+    !> Polynomials to make: an even number of products with the Jacobian
+    integer, intent(in) :: terms
     !> g, half the axes of the ellipse being in the proportion of 1 to tanh g
     real(wp), intent(out) :: roundness
-    !> Products with the Jacobian
-    integer, intent(out) :: evaluations
     real(wp), allocatable :: polynomial(:, :), product(:), unused(:)
     real(wp) :: half_way
     integer :: n, k, older, newer
@@ -181,20 +185,19 @@ contains
     newer = 1
     older = 2
     half_way = 0
-    do k = 1, trial_terms
+    do k = 1, terms
       call evolution%jacobian_product(polynomial(:, newer), product)
       call add_term(0.0_wp, merge(1.0_wp, 2.0_wp, k == 1), 2/spectral_radius, 1.0_wp, product, &
                     polynomial(:, newer), polynomial(:, older), unused)
       newer = older
       older = 3 - newer
-      if (2*k == trial_terms) half_way = root_mean_square(polynomial(:, newer))
+      if (2*k == terms) half_way = root_mean_square(polynomial(:, newer))
     end do
-    evaluations = trial_terms
     roundness = 0
     if (.not. half_way > 0) return
-    roundness = 2*log(root_mean_square(polynomial(:, newer))/half_way)/trial_terms
+    roundness = 2*log(root_mean_square(polynomial(:, newer))/half_way)/terms
     roundness = widening*roundness
-    if (.not. roundness > least_growth) roundness = 0
+    roundness = max(0.0_wp, roundness)
   end subroutine find_roundness
 
   pure function estimates_error(this) result(answer)
@@ -267,9 +270,11 @@ contains
     if (.not. accuracy > 0) accuracy = least_part*root_mean_square(u)
     ! Rounding errors of the series set a limit.
     accuracy = max(accuracy, 10*epsilon(step)*step*start_size)
-    if (.not. this%tried .and. needs_trial(step*spectral_radius, accuracy/(step*start_size))) then
+    trials = 0
+    if (.not. this%tried) trials = trial_terms(step*spectral_radius, accuracy/(step*start_size))
+    if (trials > 0) then
       this%tried = .true.
-      call find_roundness(evolution, spectral_radius, this%roundness, trials)
+      call find_roundness(evolution, spectral_radius, trials, this%roundness)
       this%evaluations = this%evaluations + trials
     end if
     this%roundness = useful_roundness(this%roundness, step*spectral_radius)
