@@ -9,6 +9,8 @@ module test_implicit
   use calor_integrator, only: integrator_t
   use calor_integrators, only: make_integrator
   use calor_kinds, only: wp, i8
+  use calor_method_choice, only: problem_t, method_cost_t, pilot_t, exponential_cost, &
+                                 tr_bdf2_cost, rkl2_cost, run_pilot, steps_ahead
   use calor_random, only: random_uniform
   use calor_scene, only: scene_t
   use calor_scene_reader, only: interpret_scene
@@ -72,7 +74,11 @@ contains
                 new_unittest('the number of terms is foreseen', test_terms), &
                 new_unittest('a thousand times the explicit limit', test_long_step), &
                 new_unittest('all methods agree in a scene', test_agreement), &
-                new_unittest('iteration and factors in a scene', test_iterative_scene) &
+                new_unittest('iteration and factors in a scene', test_iterative_scene), &
+                new_unittest('the cheapest method is taken', test_choice), &
+                new_unittest('steps and products are foreseen within a factor of 1.5', &
+                             test_foresight), &
+                new_unittest('what a method does not take is refused', test_refused_scenes) &
                 ]
   end subroutine collect_implicit
 
@@ -639,6 +645,125 @@ contains
       end do
     end do
   end subroutine test_agreement
+
+  !> From figures alone: the series where it is short, factors where it is long or cannot be had.
+  subroutine test_choice(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(problem_t) :: problem
+    type(method_cost_t) :: series, factors, stages
+
+    problem%rows = 1600
+    problem%entries = 20000
+    problem%spectral_radius = 1.0e4_wp
+    problem%tolerance = 1.0e-6_wp
+    problem%linear = .true.
+    problem%duration = 0.05_wp
+    series = exponential_cost(problem, 0.0_wp)
+    factors = tr_bdf2_cost(problem, 40.0_wp)
+    stages = rkl2_cost(problem, 40.0_wp)
+    call check(error, series%seconds < stages%seconds .and. stages%seconds < factors%seconds)
+    if (allocated(error)) return
+    ! √(2 λ T steps) products
+    call check(error, stages%products, sqrt(2*500*40.0_wp), thr=0.3_wp, rel=.true.)
+    if (allocated(error)) return
+    ! Far beyond the slowest decay steps are long, and factors pay.
+    problem%duration = 1.0e4_wp
+    series = exponential_cost(problem, 0.0_wp)
+    factors = tr_bdf2_cost(problem, 60.0_wp)
+    stages = rkl2_cost(problem, 60.0_wp)
+    call check(error, factors%seconds < series%seconds .and. factors%seconds < stages%seconds)
+    if (allocated(error)) return
+    ! Outputs are ends of series.
+    problem%duration = 0.05_wp
+    problem%parts = 10
+    series = exponential_cost(problem, 0.0_wp)
+    call check(error, series%steps, 10.0_wp)
+    if (allocated(error)) return
+    call check(error, series%products > 2*sqrt(10.0_wp), 'products of all parts')
+  end subroutine test_choice
+
+  !> In scenes with a smooth start, a jump, walls of all kinds. The jump's steps are known within a
+  !> factor of 2 only: its age follows from twelve of them.
+  subroutine test_foresight(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(simulation_t) :: simulation
+    type(error_t), allocatable :: failure
+    real(wp) :: foreseen, taken
+    character(len=90), parameter :: times(4) = [character(len=90) :: 'end = 0.01', 'end = 0.1', &
+                                                'end = 0.1 tolerance = 1e-9', 'end = 2']
+    integer :: k
+
+    do k = 1, size(times)
+      call prepare_scene('laplacian = ''fatehi_manzari''', trim(times(k)), simulation, error)
+      if (allocated(error)) return
+      call check(error, simulation%method, 'exponential')
+      if (allocated(error)) return
+      foreseen = simulation%choice%costs(1)%products
+      call simulation%run(failure)
+      taken = simulation%stepper%integrator%evaluations
+      call check(error, foreseen < 1.5_wp*taken .and. taken < 1.5_wp*foreseen, trim(times(k))// &
+                 ': '//to_text(foreseen, &
+                               digits=4)//' products foreseen, '//to_text(taken)//' taken')
+      if (allocated(error)) return
+    end do
+    call check_steps('&boundary on = ''left'' kind = ''temperature'' value_expression = '// &
+                     '''sin(20*t)'' /', 'end = 0.5 tolerance = 1e-7', 1.5_wp)
+    if (allocated(error)) return
+    call check_steps('&boundary on = ''right'' kind = ''radiation'' emissivity = 0.9 ambient = '// &
+                     '600 /', 'end = 0.5', 2.0_wp)
+
+  contains
+
+    !> Steps of TR-BDF2 against those of the model, from the first ones of RKL2
+    subroutine check_steps(extra, time, factor)
+      character(len=*), intent(in) :: extra, time
+      real(wp), intent(in) :: factor
+      type(simulation_t) :: other
+      type(problem_t) :: problem
+      type(pilot_t) :: pilot
+
+      call prepare_scene('laplacian = ''fatehi_manzari''', time//' method = ''rkl2''', other, &
+                         error, &
+                         extra)
+      if (allocated(error)) return
+      problem%spectral_radius = other%stepper%spectral_radius
+      problem%duration = other%scene%time%end
+      call run_pilot(problem, other%conduction, other%stepper, other%temperature, pilot)
+      foreseen = steps_ahead(problem, pilot)
+      call other%run(failure)
+      taken = other%stepper%steps
+      call check(error, foreseen < factor*taken .and. taken < factor*foreseen, extra//': '// &
+                 to_text(foreseen, digits=4)//' steps foreseen, '//to_text(taken)//' taken')
+    end subroutine check_steps
+
+  end subroutine test_foresight
+
+  subroutine test_refused_scenes(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(scene_t) :: scene
+    type(simulation_t) :: simulation
+    type(error_t), allocatable :: failure
+    character(len=*), parameter :: body = &
+      '&domain x_range = 0, 1 y_range = 0, 1 spacing = 0.1 / &initial temperature = 1 / '
+
+    call interpret_scene(body//'&boundary on = ''all'' value_expression = ''t'' / '// &
+                         '&time end = 1 method = ''exponential'' /', scene, failure)
+    call simulation%prepare(scene, failure)
+    call check(error, allocated(failure))
+    if (allocated(error)) return
+    call check(error, index(failure%message, 'do not change with time') > 0, failure%message)
+    if (allocated(error)) return
+    call interpret_scene(body//'&material conductivity = 1 density = 1 heat_capacity = 1 '// &
+                         'latent_heat = 1 solidus = 0.4 liquidus = 0.6 / '// &
+                         '&boundary on = ''all'' value = 0 / '// &
+                         '&time end = 1 method = ''tr_bdf2'' /', scene, failure)
+    call check(error,.not. allocated(failure))
+    if (allocated(error)) return
+    call simulation%prepare(scene, failure)
+    call check(error, allocated(failure))
+    if (allocated(error)) return
+    call check(error, index(failure%message, 'latent heat') > 0, failure%message)
+  end subroutine test_refused_scenes
 
   !> Implicit steps without factors
   subroutine test_iterative_scene(error)

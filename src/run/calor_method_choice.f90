@@ -30,6 +30,8 @@ module calor_method_choice
   !> operation of the factorisation, and an entry of the factors and of the matrix in it
   real(wp), parameter :: row_seconds = 1.0e-9_wp, entry_seconds = 6.0e-10_wp
   real(wp), parameter :: call_seconds = 1.0e-6_wp
+  !> More entries than that do not fit into a core's own cache, and all takes longer by that factor
+  real(wp), parameter :: cached_entries = 2.0e5_wp, from_memory = 1.7_wp
   real(wp), parameter :: stage_seconds = 2.0e-9_wp, solution_seconds = 1.5e-9_wp
   real(wp), parameter :: operation_seconds = 4.0e-10_wp, factor_seconds = 8.0e-9_wp, &
                          matrix_seconds = 1.0e-7_wp
@@ -310,6 +312,7 @@ contains
 
     seconds = call_seconds + problem%rows*(row_seconds + stage_seconds) + &
               problem%entries*entry_seconds
+    if (problem%entries > cached_entries) seconds = from_memory*seconds
   end function stage_cost
 
   !> 'exponential: 1 step, 45 products, 0.2 ms; rkl2: …', of one core

@@ -42,13 +42,13 @@ module calor_exponential
   integer, parameter :: most_terms = 4000
   !> Spectral radius times step of a series of that length
   real(wp), parameter :: longest_series = 0.9_wp*real(most_terms, wp)**2/36
-  !> Terms of the trial that finds out how round the ellipse has to be, at least and as a part of the
-  !> series; it is made where a series is longer than twice that
+  !> Terms of the trial that finds out how round the ellipse has to be, at least and as a part of
+  !> the series; it is made where a series is longer than twice that
   integer, parameter :: fewest_trial_terms = 48
   real(wp), parameter :: trial_part = 0.15_wp
   !> Where rounding errors of a term reach this part of what is allowed, polynomials have grown too
   !> much; the next ellipse is wider than they tell by the second factor
-  real(wp), parameter :: rounding_part = 0.3_wp, widening = 1.1_wp
+  real(wp), parameter :: rounding_part = 0.3_wp, widening = 1.2_wp, least_widening = 0.02_wp
   !> The roundest ellipse: as good as a circle
   real(wp), parameter :: roundest = 4.0_wp
 
@@ -351,7 +351,7 @@ contains
           rounding_part*accuracy .or. term + terms_between > ubound(this%coefficient, 1)) then
         ! In the end they grow as exp(growth k).
         half = (term/2/terms_between)*terms_between
-        this%roundness = this%roundness + 0.01_wp + &
+        this%roundness = this%roundness + least_widening + &
                          widening*max(0.0_wp, log(sizes(term)/sizes(half)))/(term - half)
         done = .false.
         exit
