@@ -64,6 +64,8 @@ module calor_method_choice
     real(wp) :: slowest = 0.0_wp
     !> Whether the exponential propagator and TR-BDF2 can integrate it
     logical :: linear = .false., implicit = .true.
+    !> Whether something changes with time, so that steps need not grow
+    logical :: changing = .false.
   end type problem_t
 
   !> What a method should take
@@ -213,7 +215,7 @@ contains
 
     steps = pilot%steps
     if (.not. pilot%time < problem%duration .or. .not. pilot%step > 0) return
-    if (.not. pilot%age < 1.0e3_wp*problem%duration) then
+    if (problem%changing .or. .not. pilot%age < 1.0e3_wp*problem%duration) then
       steps = steps + (problem%duration - pilot%time)/pilot%step
       return
     end if

@@ -783,6 +783,7 @@ contains
     problem%linear = this%conduction%is_linear() .and. .not. this%conduction%depends_on_time() &
                      .and. .not. this%scene%accuracy%estimate
     problem%implicit = this%conduction%mapping == 0
+    problem%changing = this%conduction%depends_on_time()
     if (problem%linear) then
       ! Only a decay that was found is known.
       problem%slowest = max(0.0_wp, -this%rightmost%growth_rate)

@@ -110,7 +110,8 @@ contains
         high = middle
       end if
     end do
-    terms = high + 1
+    ! … and those after which the series is seen to be good enough
+    terms = high + 1 + 1.25_wp*terms_between
   end function exponential_terms
 
   !> That of the longest series
