@@ -682,8 +682,8 @@ contains
     call check(error, series%products > 2*sqrt(10.0_wp), 'products of all parts')
   end subroutine test_choice
 
-  !> Products for a smooth start; steps where a wall is heated at once, within a factor of 2 only, as
-  !> the age of that follows from twelve of them.
+  !> Products for a smooth start; steps where a wall is heated at once, within a factor of 2 only,
+  !> as the age of that follows from twelve of them.
   subroutine test_foresight(error)
     type(error_type), allocatable, intent(out) :: error
     type(simulation_t) :: simulation
