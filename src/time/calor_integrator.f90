@@ -125,7 +125,9 @@ contains
     real(wp) :: factor
 
     ! The error of a step goes with one power of its length more than the error at a given time.
-    factor = 0.9_wp*(this%tolerance/max(local_error, tiny(1.0_wp)))**(1.0_wp/(this%order() + 1))
+    ! It grows by 3 at most, so that what is smaller still need not be told apart.
+    factor = 0.9_wp*(this%tolerance/max(local_error, 1.0e-3_wp*this%tolerance))** &
+             (1.0_wp/(this%order() + 1))
     proposed = step*min(3.0_wp, max(0.1_wp, factor))
   end function next_step
 

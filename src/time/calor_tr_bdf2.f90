@@ -104,7 +104,7 @@ contains
     real(wp) :: proposed
     real(wp) :: factor
 
-    factor = 0.9_wp*(this%tolerance/max(local_error, tiny(1.0_wp)))**(1.0_wp/3)
+    factor = 0.9_wp*(this%tolerance/max(local_error, 1.0e-4_wp*this%tolerance))**(1.0_wp/3)
     if (factor >= 1 .and. factor < least_growth) factor = 1
     ! A step that was good enough is so once more, as near as that is to the limit.
     if (factor < 1 .and. local_error <= 0.8_wp*this%tolerance) factor = 1
