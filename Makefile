@@ -8,7 +8,7 @@
 .DEFAULT_GOAL := build
 .NOTPARALLEL:
 .PHONY: help build run test test-checked examples lint format pictures hard-cases cost documents \
-  verification absent-effects fuzz set-up clean distclean
+  steppers verification absent-effects fuzz set-up clean distclean
 SHELL := /bin/bash
 
 RELEASE_FLAGS := -O3 -march=native
@@ -86,6 +86,9 @@ hard-cases: examples ## make anew the tables and the picture of docs/hard-cases.
 
 cost: build ## measure anew the tables and pictures of docs/accuracy-and-cost.md (minutes)
 	@tools/cost.sh $(BIN)/calor
+
+steppers: examples ## measure anew what time integrators cost against what was foreseen (minutes)
+	@OMP_NUM_THREADS=1 CALOR_KINDS=study tools/documents.sh docs/steppers.md
 
 verification: examples ## run the scenes of data/verification and write their table anew
 	@CALOR_KINDS=table tools/documents.sh docs/verification-scenes.md

@@ -26,6 +26,7 @@ program main
   use test_clouds, only: collect_clouds
   use test_command_line, only: collect_command_line
   use test_examples, only: collect_examples
+  use test_implicit, only: collect_implicit
   use test_kernels, only: collect_kernels
   use test_heat_content, only: collect_heat_content
   use test_materials, only: collect_materials
@@ -51,6 +52,7 @@ program main
            new_testsuite('cloud file', collect_cloud_file), &
            new_testsuite('operators', collect_operators), &
            new_testsuite('time', collect_time), &
+           new_testsuite('implicit', collect_implicit), &
            new_testsuite('stable rows', collect_stable_rows), &
            new_testsuite('consistent', collect_consistent), &
            new_testsuite('heat', collect_heat), &

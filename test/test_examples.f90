@@ -14,7 +14,7 @@ module test_examples
   character(len=*), parameter :: examples(*) = [character(len=20) :: 'heat_in_ten_lines', &
       'laplacian_of_a_field', 'neighbour_list', 'own_kernel', 'own_scheme', 'error_table', &
       'operator_table', 'field_as_text', 'scene_reference', 'hard_cases', 'convergence_table', &
-      'own_effect', 'verification_table', 'two_slabs']
+      'own_effect', 'verification_table', 'two_slabs', 'stepper_costs']
 
 contains
 
@@ -36,6 +36,7 @@ contains
                 new_unittest('own_effect', test_own_effect), &
                 new_unittest('verification_table', test_verification_table), &
                 new_unittest('two_slabs', test_two_slabs), &
+                new_unittest('stepper_costs', test_stepper_costs), &
                 new_unittest('scene_reference', test_scene_reference) &
                 ]
   end subroutine collect_examples
@@ -196,6 +197,17 @@ contains
     if (allocated(error)) return
     call check_number(error, outcome, '0.000000000E+00  0.000000000E+00', 0.0_wp, 0.0_wp)
   end subroutine test_field_as_text
+
+  subroutine test_stepper_costs(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(outcome_t) :: outcome
+
+    call run_example('stepper_costs', outcome, error)
+    if (allocated(error)) return
+    call check(error, &
+               index(outcome%output, '| plate, 441 particles, order 2 | **`exponential`** '// &
+                            '| 1 | 1 |') > 0, outcome%output)
+  end subroutine test_stepper_costs
 
   subroutine test_hard_cases(error)
     type(error_type), allocatable, intent(out) :: error

@@ -51,8 +51,12 @@ module calor_expression
   !>
   !> A parser belongs to the object at the address in `owner`. Compilers (gfortran up to 12) copy
   !> types that contain an expression byte by byte and finalize the copies; such a copy is not the
-  !> owner, so it neither uses nor releases the parser of the original. For the same reason the
-  !> text has a fixed length: there is nothing in here that a byte-wise copy could free twice.
+  !> owner, so it neither uses nor releases the parser of the original. (They finalize memory that
+  !> was never an expression, too: what is in there is looked at only where `owner` is right.) All
+  !> copies share `alive`, which turns false with the parser's end and is itself never given back: a
+  !> copy that comes to lie where the owner lay cannot take itself for it. These few bytes are lost
+  !> for each expression compiled. For the same reason the text has a fixed length: there is
+  !> nothing in here that a byte-wise copy could free twice.
   type :: expression_t
     private
     character(len=longest_expression) :: text = ''
@@ -60,6 +64,7 @@ module calor_expression
     type(c_ptr) :: parser = c_null_ptr
     real(c_double), pointer :: variables(:) => null()
     integer(c_intptr_t) :: owner = 0
+    logical, pointer :: alive => null()
   contains
     !> The values at points, or the value at one point
     generic :: evaluate => evaluate_points, evaluate_point
@@ -236,9 +241,10 @@ contains
     real(wp), intent(in), optional :: temperature(:)
     type(expression_t), target :: own
     type(ieee_status_type) :: status
+    logical, pointer :: alive
     integer :: k
 
-    if (.not. owns_parser(self%parser, self%owner)) then
+    if (.not. owns_parser(self%parser, self%owner, self%alive)) then
       if (self%text == '') then
         values = ieee_value(0.0_wp, ieee_quiet_nan)
         return
@@ -247,7 +253,10 @@ contains
       own%text = self%text
       call start_parser(own)
       call evaluate_points(own, x, y, time, values, temperature)
+      alive => own%alive
       call release(own)
+      ! No copy of it was made.
+      deallocate (alive)
       return
     end if
 
@@ -347,22 +356,26 @@ contains
   subroutine release(self)
     class(expression_t), intent(inout), target :: self
 
-    if (owns_parser(self%parser, self%owner)) then
+    if (owns_parser(self%parser, self%owner, self%alive)) then
       call mup_release(self%parser)
       deallocate (self%variables)
+      self%alive = .false.
     end if
     self%parser = c_null_ptr
     self%variables => null()
     self%owner = 0
+    self%alive => null()
   end subroutine release
 
-  !> Whether the object that holds these two components is the one that the parser was made for.
-  function owns_parser(parser, owner)
+  !> Whether the object that holds these components is the one that the parser was made for.
+  function owns_parser(parser, owner, alive)
     type(c_ptr), intent(in), target :: parser
     integer(c_intptr_t), intent(in) :: owner
+    logical, pointer, intent(in) :: alive
     logical :: owns_parser
 
     owns_parser = owner /= 0 .and. owner == transfer(c_loc(parser), 0_c_intptr_t)
+    if (owns_parser) owns_parser = alive
   end function owns_parser
 
   !> Make a parser for `self%text`; the text is not parsed before the first evaluation.
@@ -372,6 +385,7 @@ contains
 
     self%parser = mup_create(0_c_int)
     self%owner = transfer(c_loc(self%parser), 0_c_intptr_t)
+    allocate (self%alive, source=.true.)
     ! The address of a variable must outlive every move of the object
     allocate (self%variables(size(variable_names)), source=0.5_c_double)
     do k = 1, size(variable_names)

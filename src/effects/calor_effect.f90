@@ -37,6 +37,9 @@ module calor_effect
     procedure :: has_slope
     !> Add the derivative of its power with respect to the temperature, at each particle
     procedure :: add_slope
+    !> Whether its power is A T + b, A being constant, and whether it depends on the time
+    procedure :: is_linear
+    procedure :: depends_on_time
     !> By about how much it might change the temperature, K: the measure of errors where no range
     !> of temperatures is given
     procedure :: expected_rise
@@ -120,6 +123,25 @@ contains
     associate (unused => this, also => medium, and => time, too => temperature, or => slope)
     end associate
   end subroutine add_slope
+
+  pure function is_linear(this) result(answer)
+    class(effect_t), intent(in) :: this
+    logical :: answer
+
+    ! An effect that says nothing of it may be anything.
+    associate (unused => this)
+    end associate
+    answer = .false.
+  end function is_linear
+
+  pure function depends_on_time(this) result(answer)
+    class(effect_t), intent(in) :: this
+    logical :: answer
+
+    associate (unused => this)
+    end associate
+    answer = .true.
+  end function depends_on_time
 
   function expected_rise(this, medium) result(rise)
     class(effect_t), intent(in) :: this

@@ -23,6 +23,8 @@ module calor_effect_convection
     procedure :: find_flux
     procedure :: has_slope
     procedure :: find_flux_slope
+    procedure :: is_linear
+    procedure :: depends_on_time
     procedure :: kept_range
   end type convection_t
 
@@ -100,5 +102,20 @@ contains
     lowest = this%lowest
     highest = this%highest
   end subroutine kept_range
+
+  pure function is_linear(this) result(answer)
+    class(convection_t), intent(in) :: this
+    logical :: answer
+
+    answer = .not. (this%coefficient%reacts .or. this%ambient%reacts .or. &
+                   this%coefficient%moves)
+  end function is_linear
+
+  pure function depends_on_time(this) result(answer)
+    class(convection_t), intent(in) :: this
+    logical :: answer
+
+    answer = this%coefficient%moves .or. this%ambient%moves
+  end function depends_on_time
 
 end module calor_effect_convection

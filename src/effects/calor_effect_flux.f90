@@ -20,6 +20,8 @@ module calor_effect_flux
     procedure :: find_flux
     procedure :: has_slope
     procedure :: find_flux_slope
+    procedure :: is_linear
+    procedure :: depends_on_time
     procedure :: expected_rise
   end type flux_t
 
@@ -79,5 +81,19 @@ contains
     if (size(this%given%value) == 0) return
     rise = maxval(abs(this%given%value))*medium%reach()/medium%conductivity
   end function expected_rise
+
+  pure function is_linear(this) result(answer)
+    class(flux_t), intent(in) :: this
+    logical :: answer
+
+    answer = .not. this%given%reacts
+  end function is_linear
+
+  pure function depends_on_time(this) result(answer)
+    class(flux_t), intent(in) :: this
+    logical :: answer
+
+    answer = this%given%moves
+  end function depends_on_time
 
 end module calor_effect_flux

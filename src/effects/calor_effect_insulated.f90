@@ -15,6 +15,8 @@ module calor_effect_insulated
     procedure :: read_kind
     procedure :: prepare_kind
     procedure :: find_flux
+    procedure :: is_linear
+    procedure :: depends_on_time
     procedure :: kept_range
   end type insulated_t
 
@@ -60,5 +62,23 @@ contains
     lowest = huge(1.0_wp)
     highest = -huge(1.0_wp)
   end subroutine kept_range
+
+  pure function is_linear(this) result(answer)
+    class(insulated_t), intent(in) :: this
+    logical :: answer
+
+    associate (unused => this)
+    end associate
+    answer = .true.
+  end function is_linear
+
+  pure function depends_on_time(this) result(answer)
+    class(insulated_t), intent(in) :: this
+    logical :: answer
+
+    associate (unused => this)
+    end associate
+    answer = .false.
+  end function depends_on_time
 
 end module calor_effect_insulated

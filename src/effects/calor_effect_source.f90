@@ -30,6 +30,8 @@ module calor_effect_source
     procedure :: add_power
     procedure :: has_slope
     procedure :: add_slope
+    procedure :: is_linear
+    procedure :: depends_on_time
     procedure :: expected_rise
   end type source_t
 
@@ -138,5 +140,19 @@ contains
 
     rise = maxval(abs(this%density%value))*medium%reach()**2/medium%conductivity
   end function expected_rise
+
+  pure function is_linear(this) result(answer)
+    class(source_t), intent(in) :: this
+    logical :: answer
+
+    answer = .not. this%density%reacts
+  end function is_linear
+
+  pure function depends_on_time(this) result(answer)
+    class(source_t), intent(in) :: this
+    logical :: answer
+
+    answer = this%density%moves
+  end function depends_on_time
 
 end module calor_effect_source

@@ -74,6 +74,9 @@ module calor_conduction
     procedure :: impose
     procedure :: clear_prescribed
     procedure :: inspect
+    procedure :: jacobian_rows
+    procedure :: is_linear
+    procedure :: depends_on_time
     !> The largest -a_ii of the Jacobian where none of its weights is negative, 1/s; else 0
     procedure :: fastest_decay
     !> An upper bound of the spectral radius, 1/s
@@ -367,6 +370,80 @@ contains
       end do
     end do
   end subroutine assume_stiffest
+
+  !> The derivatives are those of the last `linearise`.
+  subroutine jacobian_rows(this, first, index, value, known)
+    class(conduction_t), intent(in) :: this
+    integer, allocatable, intent(out) :: first(:)
+    integer, allocatable, intent(out) :: index(:)
+    real(wp), allocatable, intent(out) :: value(:)
+    logical, intent(out) :: known
+    integer, allocatable :: owner(:)
+    !> dθ/du, dT/du
+    real(wp), allocatable :: free(:), growth(:), bend(:)
+    integer :: n, k, row, used, from, to
+
+    known = .true.
+    n = this%unknowns()
+    allocate (growth(n), bend(n), source=1.0_wp)
+    if (allocated(this%content)) then
+      growth = this%potential_slope
+      bend = this%temperature_slope
+    end if
+    associate (laplacian => this%laplacian)
+      allocate (owner(n), source=0)
+      allocate (free(n), source=1.0_wp)
+      call this%clear_prescribed(free)
+      owner(laplacian%target) = [(k, k=1, laplacian%rows())]
+      allocate (first(n + 1), index(size(laplacian%index) + n), value(size(laplacian%index) + n))
+      used = 0
+      do row = 1, n
+        first(row) = used + 1
+        if (owner(row) == 0 .or. free(row) < 0.5_wp) cycle
+        used = used + 1
+        index(used) = row
+        value(used) = this%diffusivity*laplacian%diagonal(owner(row))*growth(row)
+        if (allocated(this%slope)) value(used) = value(used) + this%slope(row)*bend(row)
+        from = int(laplacian%first(owner(row)))
+        to = int(laplacian%first(owner(row) + 1)) - 1
+        do k = from, to
+          used = used + 1
+          index(used) = laplacian%index(k)
+          value(used) = this%diffusivity*laplacian%weight(k)*growth(laplacian%index(k))
+        end do
+      end do
+      first(n + 1) = used + 1
+    end associate
+    index = index(:used)
+    value = value(:used)
+  end subroutine jacobian_rows
+
+  pure function is_linear(this) result(answer)
+    class(conduction_t), intent(in) :: this
+    logical :: answer
+    integer :: k
+
+    answer = .not. allocated(this%content)
+    if (.not. allocated(this%effects)) return
+    do k = 1, size(this%effects)
+      answer = answer .and. this%effects(k)%effect%is_linear()
+    end do
+  end function is_linear
+
+  pure function depends_on_time(this) result(answer)
+    class(conduction_t), intent(in) :: this
+    logical :: answer
+    integer :: k
+
+    answer = .false.
+    do k = 1, size(this%prescribed)
+      answer = answer .or. allocated(this%prescribed(k)%expression)
+    end do
+    if (.not. allocated(this%effects)) return
+    do k = 1, size(this%effects)
+      answer = answer .or. this%effects(k)%effect%depends_on_time()
+    end do
+  end function depends_on_time
 
   subroutine impose(this, time, u)
     class(conduction_t), intent(inout) :: this

@@ -55,8 +55,10 @@ contains
       call add(lines, 'Time', 'steady state, by Newton''s method and a sparse direct solver')
     else
       call add(lines, 'Time', '0 to '//to_text(simulation%scene%time%end)//' s by '// &
-             simulation%scene%time%method//': '// &
-             summary(integrator_choices, simulation%scene%time%method))
+             simulation%method//': '//summary(integrator_choices, simulation%method))
+      if (allocated(simulation%choice)) then
+        call add(lines, 'Why', simulation%choice%sentence())
+      end if
       call add(lines, 'Steps', steps(simulation))
     end if
     call add(lines, 'Memory', 'about '//size_text(memory_need( &
@@ -358,12 +360,21 @@ contains
         text = 'first step '//to_text(step, digits=2)// &
                ' s, then as long as the error of a step stays below '// &
                to_text(stepper%tolerance, digits=2)
+        if (simulation%method == 'exponential') then
+          text = 'as long as can be, with an error of a step below '// &
+                 to_text(stepper%tolerance, digits=2)
+        end if
         if (simulation%predicted_steps > 0) then
           text = text//': about '//count_text(simulation%predicted_steps)//' steps'
         end if
       else
         text = count_text(simulation%scene%time%end/stepper%longest_step)// &
                ' of at most '//to_text(stepper%longest_step, digits=3)//' s'
+      end if
+      if (simulation%method == 'tr_bdf2' .or. simulation%method == 'exponential') then
+        text = text//'; stable for any step (forward Euler: up to '// &
+               to_text(2/radius, digits=3)//' s)'
+        return
       end if
       text = text//'; stable up to '//to_text(simulation%stability_limit, digits=3)// &
              ' s (forward Euler: '//to_text(2/radius, digits=3)//' s)'

@@ -39,7 +39,7 @@ module calor_new_scene
       '           value = 0.0 /', &
       '', &
       '&time      end = 0.05               ! s', &
-      '           method = ''auto''          ! or rkl2, runge_kutta_4, forward_euler', &
+      '           method = ''auto''          ! or rkl2, tr_bdf2, exponential, …', &
       '           tolerance = 1.0e-6 /     ! error of a step over the temperature range', &
       '', &
       '&output    file = ''@.vtkhdf''      ! opens in ParaView', &

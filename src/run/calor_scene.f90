@@ -72,6 +72,8 @@ module calor_scene
     real(wp) :: step = 0.0_wp
     !> One of the names in `integrator_choices`
     character(len=:), allocatable :: method
+    !> Whether 'auto' means RKL2, as for studies that vary the steps
+    logical :: only_rkl2 = .false.
     !> Error that one step may make, as a fraction of the range of given temperatures; 0: not given
     real(wp) :: tolerance = 0.0_wp
     !> Whether only the steady temperature is asked for

@@ -16,6 +16,7 @@ module calor_simulation
   use calor_kernels, only: make_kernel
   use calor_kinds, only: wp
   use calor_laplacian_schemes, only: usual_support
+  use calor_method_choice, only: method_choice_t, problem_t, foresee_costs
   use calor_rightmost_eigenvalue, only: rightmost_t, find_rightmost
   use calor_row_report, only: row_report_t
   use calor_scene, only: scene_t
@@ -29,6 +30,7 @@ module calor_simulation
   use calor_steady_state, only: find_steady_state
   use calor_stepper, only: stepper_t
   use calor_stopwatch, only: stopwatch_t
+  use calor_sums, only: root_mean_square
   use calor_text, only: text_t, append, to_text
   implicit none (type, external)
   private
@@ -69,6 +71,9 @@ module calor_simulation
     type(conduction_t) :: conduction
     !> The time integrator and its steps
     type(stepper_t) :: stepper
+    !> The time integrator; where the scene leaves the choice to the program, why it is that one
+    character(len=:), allocatable :: method
+    type(method_choice_t), allocatable :: choice
     !> The longest step for which the chosen method is stable, s
     real(wp) :: stability_limit = 0.0_wp
     !> Newton steps that the steady temperature took
@@ -127,7 +132,10 @@ module calor_simulation
     !> What is in force, and why
     procedure :: effects_in_force
     procedure, private :: count_neighbours
+    procedure, private :: find_limits
     procedure, private :: choose_steps
+    procedure, private :: choose_method
+    procedure, private :: states_after_start
     procedure, private :: find_growth
     procedure, private :: write_row_fields
     procedure :: name_particle
@@ -165,6 +173,7 @@ contains
     logical, intent(in), optional :: uncertified
     class(kernel_t), allocatable :: kernel
     type(scene_rows_t) :: rows
+    logical :: certified
 
     if (.not. (scene%time%end > 0 .or. scene%time%steady)) then
       call raise(error, status_bad_input, &
@@ -204,6 +213,15 @@ contains
     allocate (this%entries(0))
     if (.not. scene%time%steady) then
       call this%stopwatch%start('step control')
+      call this%find_limits(error)
+      if (allocated(error)) return
+      certified = .true.
+      if (present(uncertified)) certified = .not. uncertified
+      if (certified) then
+        call this%stopwatch%start('stability')
+        call this%find_growth()
+      end if
+      call this%stopwatch%start('step control')
       call this%choose_steps(error)
       if (allocated(error)) return
     end if
@@ -212,13 +230,6 @@ contains
       call this%prepare_estimate(error, further)
       if (allocated(error)) return
     end if
-    call this%stopwatch%stop()
-    if (scene%time%steady) return
-    if (present(uncertified)) then
-      if (uncertified) return
-    end if
-    call this%stopwatch%start('stability')
-    call this%find_growth()
     call this%stopwatch%stop()
   end subroutine prepare
 
@@ -237,12 +248,13 @@ contains
     if (allocated(error)) return
     call file%open(this%scene, this%cloud, this%effects_in_force(), error)
     if (allocated(error)) return
-    call this%write_row_fields(file)
-    states = 1
-    if (this%scene%time%steady) states = 0
-    if (this%scene%output%every > 0) then
-      states = max(1, ceiling(this%scene%time%end/this%scene%output%every*(1 - 1.0e-12_wp)))
+    if (allocated(this%choice)) then
+      call file%say('time_method', this%method//' ('//this%choice%sentence()//')')
+    else if (allocated(this%method)) then
+      call file%say('time_method', this%method)
     end if
+    call this%write_row_fields(file)
+    states = this%states_after_start()
     do written = 0, states
       if (written > 0) then
         next = this%scene%time%end
@@ -290,6 +302,18 @@ contains
       call move_alloc(file_error, error)
     end if
   end subroutine run
+
+  !> How many states are written after the first
+  pure function states_after_start(this) result(states)
+    class(simulation_t), intent(in) :: this
+    integer :: states
+
+    states = 1
+    if (this%scene%time%steady) states = 0
+    if (this%scene%output%every > 0) then
+      states = max(1, ceiling(this%scene%time%end/this%scene%output%every*(1 - 1.0e-12_wp)))
+    end if
+  end function states_after_start
 
   !> Fields about the rows, which do not change, if the scene asks for them.
   subroutine write_row_fields(this, file)
@@ -647,6 +671,12 @@ contains
       if (this%scene%time%steady) return
       this%predicted_steps = end_time/this%stepper%longest_step
       if (.not. this%stepper%tolerance > 0) return
+      if (allocated(this%choice)) then
+        if (size(this%choice%costs) > 0) then
+          this%predicted_steps = this%choice%costs(1)%steps
+          if (.not. this%choice%costs(1)%at_most) return
+        end if
+      end if
       this%predicted_steps = 0
       if (this%cloud%particles() > most_particles) return
       pilot = this%stepper
@@ -751,15 +781,13 @@ contains
     if (this%rightmost%place > 0) text = ', most near '//this%name_particle(this%rightmost%place)
   end function where_unstable
 
-  !> Choose the integrator's steps from the operator's own spectral radius.
-  subroutine choose_steps(this, error)
+  !> Find the operator's own spectral radius, which limits steps.
+  subroutine find_limits(this, error)
     class(simulation_t), intent(inout) :: this
     type(error_t), allocatable, intent(out) :: error
-    real(wp) :: bound, scale, step
+    real(wp) :: bound
 
     associate (time => this%scene%time, stepper => this%stepper)
-      call make_integrator(time%method, stepper%integrator, error)
-      if (allocated(error)) return
       bound = this%conduction%spectral_bound()
       if (bound > most_euler_steps/time%end) then
         call raise(error, status_bad_input, time%place//': end = '//to_text(time%end)// &
@@ -769,6 +797,85 @@ contains
       end if
       stepper%spectral_radius = estimate_spectral_radius(this%conduction, bound)
       stepper%spectral_radius = max(stepper%spectral_radius, 1.0e-6_wp/time%end)
+    end associate
+  end subroutine find_limits
+
+  !> Take the cheapest method.
+  subroutine choose_method(this, tolerance, error)
+    class(simulation_t), intent(inout) :: this
+    !> Error that a step may make, K
+    real(wp), intent(in) :: tolerance
+    type(error_t), allocatable, intent(out) :: error
+    type(problem_t) :: problem
+    type(stepper_t) :: stepper
+    real(wp), allocatable :: rate(:)
+
+    stepper = this%stepper
+    stepper%tolerance = tolerance
+    stepper%longest_step = stepper%integrator%longest_stable_step(stepper%spectral_radius)
+    problem%rows = this%conduction%laplacian%rows()
+    problem%entries = size(this%conduction%laplacian%weight)
+    problem%spectral_radius = stepper%spectral_radius
+    problem%duration = this%scene%time%end
+    problem%parts = this%states_after_start()
+    problem%tolerance = tolerance
+    ! The estimate of the error follows a solution by steps that are not too long.
+    problem%linear = this%conduction%is_linear() .and. .not. this%conduction%depends_on_time() &
+                     .and. .not. this%scene%accuracy%estimate
+    problem%implicit = .not. allocated(this%conduction%content)
+    problem%changing = this%conduction%depends_on_time()
+    if (problem%linear) then
+      ! Only a decay that was found is known.
+      problem%slowest = max(0.0_wp, -this%rightmost%growth_rate)
+      allocate (rate(size(this%temperature)))
+      call this%conduction%rate(0.0_wp, this%temperature, rate)
+      problem%scale = max(tiny(1.0_wp), problem%duration*root_mean_square(rate))
+    else
+      call stepper%propose_first(this%conduction, 0.0_wp, this%state())
+    end if
+    allocate (this%choice)
+    if (problem%linear .or. problem%implicit) then
+      call foresee_costs(problem, this%conduction, stepper, this%state(), this%choice)
+    else
+      this%choice%method = 'rkl2'
+      allocate (this%choice%costs(0))
+    end if
+    this%method = this%choice%method
+    call make_integrator(this%method, this%stepper%integrator, error)
+  end subroutine choose_method
+
+  !> Choose the integrator and its steps.
+  subroutine choose_steps(this, error)
+    class(simulation_t), intent(inout) :: this
+    type(error_t), allocatable, intent(out) :: error
+    real(wp) :: scale, step, tolerance
+
+    associate (time => this%scene%time, stepper => this%stepper)
+      this%method = time%method
+      if (this%method == 'auto') this%method = 'rkl2'
+      call make_integrator(this%method, stepper%integrator, error)
+      if (allocated(error)) return
+      scale = this%conduction%temperature_scale()
+      tolerance = default_tolerance*scale
+      if (time%tolerance > 0) tolerance = time%tolerance*scale
+      if (time%method == 'auto' .and. .not. time%step > 0 .and. .not. time%only_rkl2) then
+        call this%choose_method(tolerance, error)
+        if (allocated(error)) return
+      end if
+      if (this%method == 'exponential' .and. (this%conduction%depends_on_time() .or. &
+                                              .not. this%conduction%is_linear())) then
+        call raise(error, status_bad_input, time%place//': method = ''exponential'' integrates '// &
+                   'linear problems that do not change with time, and in this scene a wall or '// &
+                   'effect depends on the time, or on the temperature not linearly: take '// &
+                   '''auto'', ''rkl2'' or ''tr_bdf2''.')
+        return
+      end if
+      if (this%method == 'tr_bdf2' .and. allocated(this%conduction%content)) then
+        call raise(error, status_bad_input, time%place//': method = ''tr_bdf2'' does not take '// &
+                   'latent heat or materials that depend on the temperature: take ''auto'' or '// &
+                   '''rkl2''.')
+        return
+      end if
       this%stability_limit = stepper%integrator%longest_stable_step(stepper%spectral_radius)
       if (this%conduction%fastest_decay() > 0) then
         this%monotone_limit = &
@@ -788,15 +895,13 @@ contains
         stepper%longest_step = time%step
       else if (stepper%integrator%estimates_error()) then
         stepper%longest_step = this%stability_limit
-        scale = this%conduction%temperature_scale()
-        stepper%tolerance = default_tolerance*scale
-        if (time%tolerance > 0) stepper%tolerance = time%tolerance*scale
+        stepper%tolerance = tolerance
         call stepper%propose_first(this%conduction, 0.0_wp, this%state())
       else
         if (time%tolerance > 0) then
           call raise(error, status_bad_input, time%place//': tolerance: '//trim(time%method)// &
                      ' does not estimate its error. Leave tolerance out, or take method = '// &
-                     '''auto'' or ''rkl2''.')
+                     '''auto'', ''rkl2'', ''tr_bdf2'' or ''exponential''.')
           return
         end if
         stepper%longest_step = safe_part*this%stability_limit
@@ -804,7 +909,7 @@ contains
           stepper%longest_step = min(stepper%longest_step, this%monotone_limit)
         end if
       end if
-      if (stepper%longest_step*huge(1) < time%end) then
+      if (stepper%longest_step < time%end/huge(1)) then
         call raise(error, status_bad_input, time%place//': steps of at most '// &
                    to_text(stepper%longest_step, digits=3)//' s to end = '//to_text(time%end)// &
                    ' s would be more than can be counted: lower end.')

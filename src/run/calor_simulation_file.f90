@@ -38,6 +38,8 @@ module calor_simulation_file
     procedure :: write_state
     !> Note a figure about the run
     procedure :: note
+    !> The same in words
+    procedure :: say
     !> Write the heat budget of all states
     procedure :: write_budget
     !> Note the wall times and close
@@ -227,6 +229,16 @@ contains
     if (.not. this%in_use .or. allocated(this%pending)) return
     call this%file%set_attribute(name, value, this%pending)
   end subroutine note
+
+  !> A word about the run.
+  subroutine say(this, name, value)
+    class(simulation_file_t), intent(inout) :: this
+    !> Name of the attribute, and its value
+    character(len=*), intent(in) :: name, value
+
+    if (.not. this%in_use .or. allocated(this%pending)) return
+    call this%file%set_attribute(name, value, this%pending)
+  end subroutine say
 
   !> One data set for each account, of one number for each state.
   subroutine write_budget(this, budget, entries)

@@ -2,10 +2,10 @@
 module calor_steady_state
   use calor_conduction, only: conduction_t
   use calor_error, only: error_t, raise, status_bad_input, status_bad_numbers
+  use calor_implicit_system, only: implicit_system_t
   use calor_kinds, only: wp
   use calor_sums, only: root_mean_square
   use calor_text, only: to_text
-  use calor_umfpack, only: factorisation_t
   implicit none (type, external)
   private
 
@@ -15,6 +15,8 @@ module calor_steady_state
   integer, parameter :: most_steps = 50
   !> A step may be halved so often where it makes things worse
   integer, parameter :: most_halvings = 12
+  !> Where factors do not fit into memory, each Newton step is iterated to this part of what is left
+  real(wp), parameter :: iteration_part = 1.0e-8_wp
 
 contains
 
@@ -32,12 +34,12 @@ contains
     integer, intent(out) :: steps
     !> There is no steady temperature, or more than one, or it was not found
     type(error_t), allocatable, intent(out) :: error
-    type(factorisation_t) :: factors
+    type(implicit_system_t) :: system
     integer, allocatable :: first(:), index(:)
     real(wp), allocatable :: value(:), rate(:), change(:), guess(:)
     real(wp) :: before, part, largest
     integer :: halvings
-    logical :: done, is_nonlinear
+    logical :: done, known, is_nonlinear
 
     is_nonlinear = allocated(conduction%slope)
     if (allocated(conduction%content)) then
@@ -50,13 +52,15 @@ contains
     call conduction%rate(0.0_wp, temperature, rate)
     do steps = 1, most_steps
       call conduction%linearise(0.0_wp, temperature)
-      call jacobian(conduction, first, index, value)
-      call factors%factorise(first, index, value, done)
-      if (done) call factors%solve(-rate, change, .false., done)
+      call conduction%jacobian_rows(first, index, value, known)
+      call system%load(first, index, value)
+      call system%set_steady(done)
+      if (done) call system%solve(rate, iteration_part*root_mean_square(rate), change, done)
       if (.not. done) then
         call raise(error, status_bad_numbers, place// &
                    ': the equations of the steady temperature could not be '// &
-                   'solved: they are singular, or there is too little memory.')
+                   'solved: they are singular, or there is too little memory for their '// &
+                   'factors and the iteration did not converge.')
         exit
       end if
       before = root_mean_square(rate)
@@ -74,7 +78,6 @@ contains
       if (.not. largest <= huge(largest)) exit
       if (largest <= tolerance) exit
     end do
-    call factors%release()
     if (allocated(error)) return
     if (.not. largest <= tolerance) then
       call raise(error, status_bad_numbers, place//': the steady temperature was not found in '// &
@@ -102,44 +105,5 @@ contains
                'hold it, or let it exchange heat by convection or radiation, on a part of the '// &
                'boundary at least.')
   end subroutine require_hold
-
-  !> The Jacobian by rows. Held particles have a row of their own, which keeps them as they are.
-  subroutine jacobian(conduction, first, index, value)
-    type(conduction_t), intent(in) :: conduction
-    integer, allocatable, intent(out) :: first(:), index(:)
-    real(wp), allocatable, intent(out) :: value(:)
-    integer, allocatable :: owner(:)
-    !> dθ/dT
-    real(wp), allocatable :: growth(:)
-    integer :: n, k, row, used, from, to
-
-    n = conduction%unknowns()
-    allocate (growth(n), source=1.0_wp)
-    if (allocated(conduction%potential_slope)) growth = conduction%potential_slope
-    associate (laplacian => conduction%laplacian)
-      allocate (owner(n), source=0)
-      owner(laplacian%target) = [(k, k=1, laplacian%rows())]
-      allocate (first(n + 1), index(size(laplacian%index) + n), value(size(laplacian%index) + n))
-      used = 0
-      do row = 1, n
-        first(row) = used + 1
-        used = used + 1
-        index(used) = row
-        value(used) = -1
-        if (owner(row) == 0) cycle
-        value(used) = conduction%diffusivity*laplacian%diagonal(owner(row))*growth(row)
-        if (allocated(conduction%slope)) value(used) = value(used) + conduction%slope(row)
-        from = int(laplacian%first(owner(row)))
-        to = int(laplacian%first(owner(row) + 1)) - 1
-        index(used + 1:used + to - from + 1) = laplacian%index(from:to)
-        value(used + 1:used + to - from + 1) = conduction%diffusivity*laplacian%weight(from:to)* &
-                                               growth(laplacian%index(from:to))
-        used = used + to - from + 1
-      end do
-      first(n + 1) = used + 1
-    end associate
-    index = index(:used)
-    value = value(:used)
-  end subroutine jacobian
 
 end module calor_steady_state

@@ -65,6 +65,7 @@ contains
     type(scene_t) :: pilot
 
     pilot = scene
+    pilot%time%only_rkl2 = .true.
     pilot%time%step = 0
     pilot%time%tolerance = 0
     if (is_adaptive(scene%time%method)) pilot%time%tolerance = first_tolerance

@@ -65,15 +65,19 @@ module calor_error_transport
     real(wp), allocatable, private :: defect(:), step_errors(:)
     !> How far e is advanced at a time, s; 0: as far as the first step
     real(wp), private :: interval = 0.0_wp
+    !> The first step must not be longer, s
+    real(wp), private :: first = 0.0_wp
     type(stepper_t), private :: stepper
     type(linear_evolution_t), private :: transport
   contains
     !> Make ready at the beginning of an integration
     procedure :: begin
     procedure :: stepped
+    procedure :: longest_step
     !> Bring e up to the time of the solution
     procedure :: catch_up
     procedure, private :: measure_defect
+    procedure, private :: foresee_change
   end type error_transport_t
 
 contains
@@ -98,8 +102,36 @@ contains
     this%stepper%spectral_radius = spectral_radius
     this%stepper%longest_step = this%stepper%integrator%longest_stable_step(spectral_radius)
     call this%measure_defect(evolution, time, u, this%defect)
+    call this%foresee_change(evolution, time, u, spectral_radius)
     call this%stopwatch%stop()
   end subroutine begin
+
+  !> How long τ will take to change: it follows u, and u follows its rate.
+  subroutine foresee_change(this, evolution, time, u, spectral_radius)
+    class(error_transport_t), intent(inout) :: this
+    class(evolution_t), intent(inout) :: evolution
+    real(wp), intent(in) :: time, u(:), spectral_radius
+    real(wp), allocatable :: later(:), change(:)
+    real(wp) :: part
+
+    allocate (later(size(u)), change(size(u)))
+    call evolution%rate(time, u, later)
+    later = u + later/spectral_radius
+    call this%measure_defect(evolution, time, later, change)
+    part = spectral_radius*root_mean_square(change - this%defect)
+    this%first = huge(this%first)
+    if (part > 0) this%first = largest_change*root_mean_square(this%defect)/part
+    if (.not. this%first > 0) this%first = huge(this%first)
+  end subroutine foresee_change
+
+  !> As long as τ may be taken as linear in time.
+  pure function longest_step(this) result(step)
+    class(error_transport_t), intent(in) :: this
+    real(wp) :: step
+
+    step = this%interval
+    if (.not. step > 0) step = this%first
+  end function longest_step
 
   subroutine stepped(this, evolution, integrator, time, step, u, error)
     class(error_transport_t), intent(inout), target :: this

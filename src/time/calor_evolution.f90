@@ -25,6 +25,12 @@ module calor_evolution
     procedure(clear_interface), deferred :: clear_prescribed
     !> Judge a new state; an error ends the integration
     procedure(inspect_interface), deferred :: inspect
+    !> Hand out the Jacobian by rows
+    procedure :: jacobian_rows
+    !> Whether F(t, u) = A u + b(t), A being constant
+    procedure :: is_linear
+    !> Whether F or a prescribed value depends on the time
+    procedure :: depends_on_time
   end type evolution_t
 
   abstract interface
@@ -101,5 +107,39 @@ contains
     associate (unused => this, also => time, and => u)
     end associate
   end subroutine linearise
+
+  subroutine jacobian_rows(this, first, index, value, known)
+    class(evolution_t), intent(in) :: this
+    !> Where each row begins in `index` and `value`; rows of prescribed entries are empty
+    integer, allocatable, intent(out) :: first(:)
+    !> Columns, from 1, in any order, and entries, 1/s
+    integer, allocatable, intent(out) :: index(:)
+    real(wp), allocatable, intent(out) :: value(:)
+    !> Whether the evolution has its Jacobian in this form
+    logical, intent(out) :: known
+
+    known = .false.
+    allocate (first(this%unknowns() + 1), source=1)
+    allocate (index(0), value(0))
+  end subroutine jacobian_rows
+
+  pure function is_linear(this) result(answer)
+    class(evolution_t), intent(in) :: this
+    logical :: answer
+
+    ! Nothing is promised without being known.
+    associate (unused => this)
+    end associate
+    answer = .false.
+  end function is_linear
+
+  pure function depends_on_time(this) result(answer)
+    class(evolution_t), intent(in) :: this
+    logical :: answer
+
+    associate (unused => this)
+    end associate
+    answer = .true.
+  end function depends_on_time
 
 end module calor_evolution

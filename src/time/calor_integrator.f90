@@ -11,6 +11,11 @@ module calor_integrator
   type, abstract :: integrator_t
     !> Evaluations of F so far
     integer :: evaluations = 0
+    !> The error that a step may make, root mean square; 0: as small as rounding lets it be. What is
+    !> solved by iteration inside a step is solved to a part of that.
+    real(wp) :: tolerance = 0.0_wp
+    !> Why the last step could not be computed; not allocated: it could
+    character(len=:), allocatable :: failure
   contains
     !> The longest step that is stable for eigenvalues on the negative real axis, s
     procedure(limit_interface), deferred :: longest_stable_step
@@ -23,6 +28,10 @@ module calor_integrator
     procedure(knows_interface), deferred :: estimates_error
     !> The power of the step with which the error at a given time falls
     procedure(order_interface), deferred :: order
+    !> The step to take after one with that error
+    procedure :: next_step
+    !> Whether the first step's length is found by a trial
+    procedure :: wants_trial
     !> Compute the state one step later
     procedure(advance_interface), deferred :: advance
     !> The step just computed becomes the state that the next one starts from
@@ -105,6 +114,31 @@ contains
     associate (unused => this, also => evolution, and => spectral_radius, too => step)
     end associate
   end subroutine shorten_step
+
+  pure function next_step(this, step, local_error) result(proposed)
+    class(integrator_t), intent(in) :: this
+    !> The step just computed, s
+    real(wp), intent(in) :: step
+    !> Its error
+    real(wp), intent(in) :: local_error
+    real(wp) :: proposed
+    real(wp) :: factor
+
+    ! The error of a step goes with one power of its length more than the error at a given time.
+    ! It grows by 3 at most, so that what is smaller still need not be told apart.
+    factor = 0.9_wp*(this%tolerance/max(local_error, 1.0e-3_wp*this%tolerance))** &
+             (1.0_wp/(this%order() + 1))
+    proposed = step*min(3.0_wp, max(0.1_wp, factor))
+  end function next_step
+
+  pure function wants_trial(this) result(answer)
+    class(integrator_t), intent(in) :: this
+    logical :: answer
+
+    associate (unused => this)
+    end associate
+    answer = .true.
+  end function wants_trial
 
   subroutine accept(this)
     class(integrator_t), intent(inout) :: this

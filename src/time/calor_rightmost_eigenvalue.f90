@@ -36,19 +36,23 @@ module calor_rightmost_eigenvalue
   !> Systems up to this size are solved densely, and larger ones up to the other if the iteration
   !> fails, as it may where a lattice has many equal eigenvalues
   integer, parameter :: always_dense = 100, largest_dense = 400
-  !> Degree of the polynomial: the higher, the better it tells slow modes apart
-  integer, parameter :: degree = 31
-  !> Where the interval of fast decay begins, as a part of the spectral radius: the polynomial is
-  !> cosh(2 √5) = 44 times larger at zero
-  real(wp), parameter :: slow_part = 5.0_wp/degree**2
+  !> Degree of the polynomial: the higher, the better it tells slow modes apart. Where no mode is as
+  !> slow as that, it is halved, as often as it takes
+  integer, parameter :: highest_degree = 31, lowest_degree = 7
+  !> Where the interval of fast decay begins, as a part of the spectral radius, times the square of
+  !> the degree: the polynomial is cosh(2 √5) = 44 times larger at zero
+  real(wp), parameter :: slow_factor = 5.0_wp
   !> Eigenvalues to the left of the interval would mislead: it is wider than the spectrum should be
   real(wp), parameter :: margin = 1.1_wp
   !> How often the ellipse may be widened
   integer, parameter :: most_ellipses = 5
-  !> Eigenvalues wanted; ARPACK takes one more where a pair would be torn apart
-  integer, parameter :: most_wanted = 4
+  !> Eigenvalues wanted: one may be 0, of an insulated body. ARPACK takes one more where a pair
+  !> would be torn apart
+  integer, parameter :: most_wanted = 2
   !> Vectors of the Krylov space
-  integer, parameter :: krylov_size = 24
+  integer, parameter :: krylov_size = 12
+  !> Accuracy of the polynomial's eigenvalues; an eigenvalue 0 of the Jacobian has to be found as 0
+  real(wp), parameter :: accuracy = 1.0e-8_wp
   !> Products with the Jacobian are limited to this many, times a thousand unknowns over the size
   real(wp), parameter :: most_products = 1.0e6_wp, fewest_products = 1.0e3_wp
 
@@ -147,30 +151,54 @@ contains
     class(evolution_t), intent(inout) :: evolution
     real(wp), intent(in) :: spectral_radius
     type(rightmost_t), intent(inout) :: rightmost
-    real(wp) :: centre, half_width, half_height, focus, at_zero, least, highest
+    integer :: degree
+    logical :: all_fast
+
+    ! In the plane the slowest of n modes is some 2.5/n of the spectral radius: three times that.
+    degree = max(lowest_degree, min(highest_degree, int(sqrt(2.0_wp*evolution%unknowns()/3))))
+    do
+      call try_ellipses(evolution, spectral_radius, degree, rightmost, all_fast)
+      if (.not. all_fast .or. degree == lowest_degree) return
+      degree = max(lowest_degree, degree/2)
+    end do
+  end subroutine arnoldi
+
+  !> ARPACK on polynomials of one degree.
+  subroutine try_ellipses(evolution, spectral_radius, degree, rightmost, all_fast)
+    class(evolution_t), intent(inout) :: evolution
+    real(wp), intent(in) :: spectral_radius
+    integer, intent(in) :: degree
+    type(rightmost_t), intent(inout) :: rightmost
+    !> Whether what was found lies in the interval of fast decay, where it means nothing
+    logical, intent(out) :: all_fast
+    real(wp) :: centre, half_width, half_height, focus, at_zero, least, highest, slow_part
     integer :: attempt
 
+    all_fast = .false.
+    slow_part = slow_factor/degree**2
     centre = -0.5_wp*margin*spectral_radius*(1 + slow_part)
     half_width = 0.5_wp*margin*spectral_radius*(1 - slow_part)
     half_height = 0
     do attempt = 1, most_ellipses
       focus = sqrt(half_width**2 - half_height**2)
-      call search(evolution, centre, focus, rightmost, least, highest)
+      call search(evolution, degree, centre, focus, rightmost, least, highest)
       if (rightmost%growth_rate > 0) return
       at_zero = cosh(degree*acosh(-centre/focus))
+      all_fast = rightmost%growth_rate <= -slow_part*margin*spectral_radius
+      if (all_fast .and. attempt == 1) exit
       if (.not. rightmost%converged) exit
       ! What lies in the interval of fast decay is not what was looked for.
-      if (least < at_zero .and. &
-          rightmost%growth_rate > -slow_part*margin*spectral_radius) return
+      if (least < at_zero .and. .not. all_fast) return
       half_height = min(max(1.25_wp*highest, 1.5_wp*half_height, 0.05_wp*half_width), &
                         0.9_wp*half_width)
     end do
     rightmost%converged = .false.
-  end subroutine arnoldi
+  end subroutine try_ellipses
 
   !> ARPACK on one polynomial.
-  subroutine search(evolution, centre, focus, rightmost, least, highest)
+  subroutine search(evolution, degree, centre, focus, rightmost, least, highest)
     class(evolution_t), intent(inout) :: evolution
+    integer, intent(in) :: degree
     !> Centre of the ellipse, and half the distance between its foci, 1/s
     real(wp), intent(in) :: centre, focus
     type(rightmost_t), intent(inout) :: rightmost
@@ -192,7 +220,7 @@ contains
     call evolution%clear_prescribed(residual)
 
     wanted = most_wanted
-    tolerance = 1.0e-4_wp
+    tolerance = accuracy
     dr = 0
     di = 0
     ido = 0
@@ -205,7 +233,7 @@ contains
       call dnaupd(ido, 'I', n, 'LM', wanted, tolerance, residual, krylov_size, basis, n, iparam, &
                   ipntr, workd, workl, lworkl, info)
       if (abs(ido) /= 1) exit
-      call apply_polynomial(evolution, centre, focus, workd(ipntr(1):ipntr(1) + n - 1), &
+      call apply_polynomial(evolution, degree, centre, focus, workd(ipntr(1):ipntr(1) + n - 1), &
                             workd(ipntr(2):ipntr(2) + n - 1))
     end do
     rightmost%method = 'Arnoldi iteration'
@@ -218,7 +246,7 @@ contains
     end if
     if (.not. rightmost%converged) then
       ! The best single vector there is: what many polynomials leave over
-      call settle(evolution, centre, focus, vectors(:, 1))
+      call settle(evolution, degree, centre, focus, vectors(:, 1))
       dr(1) = 1
     end if
     least = sqrt(minval(dr**2 + di**2, dr**2 + di**2 > 0))
@@ -226,8 +254,9 @@ contains
   end subroutine search
 
   !> The Chebyshev polynomial of the Jacobian times a vector.
-  subroutine apply_polynomial(evolution, centre, focus, v, product)
+  subroutine apply_polynomial(evolution, degree, centre, focus, v, product)
     class(evolution_t), intent(inout) :: evolution
+    integer, intent(in) :: degree
     real(wp), intent(in) :: centre, focus
     real(wp), intent(in) :: v(:)
     real(wp), intent(out) :: product(:)
@@ -253,8 +282,9 @@ contains
   end subroutine apply_polynomial
 
   !> Leave of a vector what grows most or decays least.
-  subroutine settle(evolution, centre, focus, vector)
+  subroutine settle(evolution, degree, centre, focus, vector)
     class(evolution_t), intent(inout) :: evolution
+    integer, intent(in) :: degree
     real(wp), intent(in) :: centre, focus
     real(wp), intent(out) :: vector(:)
     real(wp), allocatable :: product(:)
@@ -266,7 +296,7 @@ contains
     allocate (product(size(vector)))
     call evolution%clear_prescribed(vector)
     do k = 1, 10
-      call apply_polynomial(evolution, centre, focus, vector, product)
+      call apply_polynomial(evolution, degree, centre, focus, vector, product)
       vector = product/maxval(abs(product))
     end do
   end subroutine settle

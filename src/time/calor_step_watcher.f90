@@ -13,6 +13,8 @@ module calor_step_watcher
   contains
     !> A step has been accepted
     procedure(stepped_interface), deferred :: stepped
+    !> The longest step that it can follow, s
+    procedure :: longest_step
   end type step_watcher_t
 
   abstract interface
@@ -32,5 +34,16 @@ module calor_step_watcher
       type(error_t), allocatable, intent(out) :: error
     end subroutine stepped_interface
   end interface
+
+contains
+
+  pure function longest_step(this) result(step)
+    class(step_watcher_t), intent(in) :: this
+    real(wp) :: step
+
+    associate (unused => this)
+    end associate
+    step = huge(step)
+  end function longest_step
 
 end module calor_step_watcher

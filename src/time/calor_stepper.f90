@@ -67,6 +67,7 @@ contains
     real(wp) :: step, start
     integer :: remaining, done, last
 
+    this%integrator%tolerance = this%tolerance
     if (.not. this%tolerance > 0) then
       if (.not. allocated(this%u_next)) allocate (this%u_next(size(u)))
       start = time
@@ -85,11 +86,16 @@ contains
     if (present(at_most)) last = this%steps + at_most
     do while (time < end_time .and. this%steps < last)
       step = min(this%proposed, this%longest_step)
+      if (present(watcher)) step = min(step, watcher%longest_step())
       call this%integrator%shorten_step(evolution, this%spectral_radius, step)
       ! Steps of equal length to the end, rather than a tiny last one
       step = (end_time - time)/max(1.0_wp, aint((end_time - time)/step + 0.9999_wp))
       if (.not. time + step > time) then
-        if (this%finite) then
+        if (allocated(this%integrator%failure)) then
+          call raise(error, status_bad_numbers, 'At t = '//to_text(time, digits=6)// &
+                     ' s no step is short enough: '//this%integrator%failure// &
+                     '. Take &time method = ''rkl2''.')
+        else if (this%finite) then
           call raise(error, status_bad_numbers, 'The time step fell to '// &
                      to_text(step, digits=3)//' s at t = '//to_text(time, digits=6)// &
                      ' s without meeting the tolerance: raise &time tolerance.')
@@ -116,26 +122,23 @@ contains
     real(wp), intent(inout) :: u(:)
     type(error_t), allocatable, intent(out) :: error
     class(step_watcher_t), intent(inout), optional :: watcher
-    real(wp) :: local_error, factor
+    real(wp) :: local_error
     integer :: k
 
     call this%integrator%advance(evolution, time, step, this%spectral_radius, u, this%u_next, &
                                  local_error)
     if (this%tolerance > 0) then
-      factor = 0.1_wp
       this%finite = ieee_is_finite(local_error)
-      if (this%finite) then
-        ! The local error of the second-order method goes with the third power of the step.
-        ! It grows by 3 at most, so that what is smaller still need not be told apart.
-        factor = 0.9_wp*(this%tolerance/max(local_error, 1.0e-3_wp*this%tolerance))**(1.0_wp/3)
-      else
-        local_error = huge(local_error)
-      end if
-      this%proposed = step*min(3.0_wp, max(0.1_wp, factor))
+      if (.not. this%finite) local_error = huge(local_error)
+      this%proposed = this%integrator%next_step(step, local_error)
       if (local_error > this%tolerance) then
         this%rejected = this%rejected + 1
         return
       end if
+    else if (allocated(this%integrator%failure)) then
+      call raise(error, status_bad_numbers, 'At t = '//to_text(time, digits=6)//' s: '// &
+                 this%integrator%failure//'. Take a shorter &time step.')
+      return
     end if
     call evolution%inspect(time + step, this%u_next, error)
     if (allocated(error)) return
@@ -167,6 +170,10 @@ contains
     real(wp) :: local_error
 
     if (.not. allocated(this%u_next)) allocate (this%u_next(size(u)))
+    this%integrator%tolerance = this%tolerance
+    this%proposed = this%longest_step
+    this%first = this%proposed
+    if (.not. this%integrator%wants_trial()) return
     this%proposed = min(this%longest_step, 2/this%spectral_radius)
     call this%integrator%advance(evolution, time, this%proposed, this%spectral_radius, u, &
                                  this%u_next, local_error)

@@ -2,9 +2,10 @@
 !>
 !> Source: T.A. Davis, Algorithm 832: UMFPACK V4.3, ACM Trans. Math. Softw. 30 (2004) 196–199.
 module calor_umfpack
-  use, intrinsic :: iso_c_binding, only: c_double, c_ptr, c_null_ptr, c_associated, &
-                                         c_long
+  use, intrinsic :: iso_c_binding, only: c_double, c_ptr, c_null_ptr, c_associated, c_intptr_t, &
+                                         c_long, c_loc
   use calor_kinds, only: wp
+  use calor_sparse_matrix, only: sparse_matrix_t
   implicit none (type, external)
   private
 
@@ -12,6 +13,12 @@ module calor_umfpack
 
   !> UMFPACK_A and UMFPACK_At: solve with the matrix, or its transpose
   integer(c_long), parameter :: plain = 0, transposed = 1
+  !> Entries of UMFPACK's Control and Info in use, from 1, and values of some (umfpack.h)
+  integer, parameter :: controls = 20, infos = 90
+  integer, parameter :: strategy = 6, refinements = 8
+  integer, parameter :: size_of_unit = 4, peak_memory = 22, symmetric_entries = 37, &
+                        symmetric_flops = 38
+  real(c_double), parameter :: symmetric = 3
 
   ! C's arrays can only be of assumed size
   interface
@@ -25,7 +32,10 @@ module calor_umfpack
       ! allow(assumed-size)
       real(c_double), intent(in) :: value(*)
       type(c_ptr), intent(out) :: symbolic
-      type(c_ptr), value :: control, info
+      ! allow(assumed-size)
+      real(c_double), intent(in) :: control(*)
+      ! allow(assumed-size)
+      real(c_double), intent(out) :: info(*)
       integer(c_long) :: status
     end function umfpack_symbolic
 
@@ -39,7 +49,10 @@ module calor_umfpack
       real(c_double), intent(in) :: value(*)
       type(c_ptr), value :: symbolic
       type(c_ptr), intent(out) :: numeric
-      type(c_ptr), value :: control, info
+      ! allow(assumed-size)
+      real(c_double), intent(in) :: control(*)
+      ! allow(assumed-size)
+      real(c_double), intent(out) :: info(*)
       integer(c_long) :: status
     end function umfpack_numeric
 
@@ -54,9 +67,20 @@ module calor_umfpack
       real(c_double), intent(in) :: value(*), b(*)
       ! allow(assumed-size)
       real(c_double), intent(out) :: x(*)
-      type(c_ptr), value :: numeric, control, info
+      type(c_ptr), value :: numeric
+      ! allow(assumed-size)
+      real(c_double), intent(in) :: control(*)
+      ! allow(assumed-size)
+      real(c_double), intent(out) :: info(*)
       integer(c_long) :: status
     end function umfpack_solve
+
+    subroutine umfpack_defaults(control) bind(c, name='umfpack_dl_defaults')
+      import :: c_double
+      implicit none (type, external)
+      ! allow(assumed-size)
+      real(c_double), intent(out) :: control(*)
+    end subroutine umfpack_defaults
 
     subroutine umfpack_free_symbolic(symbolic) bind(c, name='umfpack_dl_free_symbolic')
       import :: c_ptr
@@ -71,16 +95,32 @@ module calor_umfpack
     end subroutine umfpack_free_numeric
   end interface
 
-  !> A matrix in factors. It must not be copied.
+  !> What UMFPACK keeps. It belongs to the object at the address in `owner`: a copy, also one that a
+  !> compiler made byte by byte, owns nothing, uses nothing and releases nothing.
+  type :: handles_t
+    type(c_ptr) :: symbolic = c_null_ptr, numeric = c_null_ptr
+    integer(c_intptr_t) :: owner = 0
+  contains
+    final :: finish
+  end type handles_t
+
+  !> A matrix in factors. Of a copy the factors have to be made anew.
   type :: factorisation_t
-    private
+    !> What the analysis predicts: memory at the highest, bytes; entries of both factors and
+    !> floating-point operations to find them, where pivots stay on the diagonal
+    real(wp) :: bytes = 0.0_wp, entries = 0.0_wp, operations = 0.0_wp
     !> The matrix by columns, numbered from 0
-    integer(c_long), allocatable :: first(:), index(:)
-    real(c_double), allocatable :: value(:)
-    type(c_ptr) :: numeric = c_null_ptr
+    integer(c_long), allocatable, private :: first(:), index(:)
+    real(c_double), allocatable, private :: value(:)
+    real(c_double), private :: control(controls) = 0
+    type(handles_t), private :: handles
   contains
     !> Factorise a matrix
     procedure :: factorise
+    !> Find out where the factors of a matrix will have entries
+    procedure :: analyse
+    !> Factorise what was analysed, with values of its own
+    procedure :: refactorise
     !> Solve with it, or with its transpose
     procedure :: solve
     !> Give the factors' memory back
@@ -100,22 +140,60 @@ contains
     real(wp), intent(in) :: value(:)
     !> Whether that has worked: the matrix is not singular and there was memory enough
     logical, intent(out) :: done
-    type(c_ptr) :: symbolic
-    integer(c_long) :: status, n
+    type(sparse_matrix_t) :: matrix
+
+    call matrix%assemble(first, index, value)
+    call this%analyse(matrix, .false., done)
+    if (done) call this%refactorise(matrix%value, done)
+  end subroutine factorise
+
+  subroutine analyse(this, matrix, dominant, done)
+    class(factorisation_t), intent(inout) :: this
+    !> The matrix
+    type(sparse_matrix_t), intent(in) :: matrix
+    !> Whether its diagonal dominates: pivots are taken from there and solutions are not refined,
+    !> which saves memory and time
+    logical, intent(in) :: dominant
+    !> Whether that has worked
+    logical, intent(out) :: done
+    real(c_double) :: info(infos)
+    integer(c_long) :: n
 
     call this%release()
-    n = size(first) - 1
-    call sort_columns(first, index, value, this%first, this%index, this%value)
-    done = .false.
-    status = umfpack_symbolic(n, n, this%first, this%index, this%value, symbolic, c_null_ptr, &
-                              c_null_ptr)
-    if (status /= 0) return
-    status = umfpack_numeric(this%first, this%index, this%value, symbolic, this%numeric, &
-                             c_null_ptr, c_null_ptr)
-    call umfpack_free_symbolic(symbolic)
-    done = status == 0
+    n = matrix%rows()
+    this%first = matrix%first - 1
+    this%index = matrix%index - 1
+    this%value = matrix%value
+    call umfpack_defaults(this%control)
+    if (dominant) then
+      this%control(strategy) = symmetric
+      this%control(refinements) = 0
+    end if
+    done = umfpack_symbolic(n, n, this%first, this%index, this%value, this%handles%symbolic, &
+                            this%control, info) == 0
+    if (.not. done) return
+    call take(this%handles)
+    this%bytes = info(peak_memory)*info(size_of_unit)
+    this%entries = info(symmetric_entries)
+    this%operations = info(symmetric_flops)
+  end subroutine analyse
+
+  subroutine refactorise(this, value, done)
+    class(factorisation_t), intent(inout) :: this
+    !> Values of the matrix analysed, in its order
+    real(wp), intent(in) :: value(:)
+    !> Whether that has worked: the matrix is not singular and there was memory enough
+    logical, intent(out) :: done
+    real(c_double) :: info(infos)
+
+    done = owned(this%handles)
+    if (.not. done) return
+    if (c_associated(this%handles%numeric)) call umfpack_free_numeric(this%handles%numeric)
+    this%value = value
+    done = umfpack_numeric(this%first, this%index, this%value, this%handles%symbolic, &
+                           this%handles%numeric, this%control, info) == 0
     if (.not. done) call this%release()
-  end subroutine factorise
+  end subroutine refactorise
 
   subroutine solve(this, right_side, solution, transpose, done)
     class(factorisation_t), intent(in) :: this
@@ -125,56 +203,49 @@ contains
     logical, intent(in) :: transpose
     !> Whether that has worked
     logical, intent(out) :: done
+    real(c_double) :: info(infos)
     integer(c_long) :: system
 
+    done = owned(this%handles)
+    if (.not. done) return
     ! UMFPACK takes columns, and what it is given are the rows: the two systems change places.
     system = merge(plain, transposed, transpose)
     done = umfpack_solve(system, this%first, this%index, this%value, solution, right_side, &
-                         this%numeric, c_null_ptr, c_null_ptr) == 0
+                         this%handles%numeric, this%control, info) == 0
   end subroutine solve
 
   subroutine release(this)
     class(factorisation_t), intent(inout) :: this
 
-    if (c_associated(this%numeric)) call umfpack_free_numeric(this%numeric)
-    this%numeric = c_null_ptr
+    call finish(this%handles)
   end subroutine release
 
-  !> The rows of the matrix, each with its columns in ascending order and once.
-  subroutine sort_columns(first, index, value, sorted_first, sorted_index, sorted_value)
-    integer, intent(in) :: first(:), index(:)
-    real(wp), intent(in) :: value(:)
-    integer(c_long), allocatable, intent(out) :: sorted_first(:), sorted_index(:)
-    real(c_double), allocatable, intent(out) :: sorted_value(:)
-    real(wp) :: entry
-    integer :: row, k, place, column, used
+  !> What was just made belongs to these handles.
+  subroutine take(handles)
+    type(handles_t), intent(inout), target :: handles
 
-    allocate (sorted_first(size(first)), sorted_index(size(index)), sorted_value(size(value)))
-    used = 0
-    sorted_first(1) = 0
-    do row = 1, size(first) - 1
-      do k = first(row), first(row + 1) - 1
-        column = index(k) - 1
-        entry = value(k)
-        place = used
-        do while (place > sorted_first(row))
-          if (sorted_index(place) <= column) exit
-          place = place - 1
-        end do
-        if (place > sorted_first(row)) then
-          if (sorted_index(place) == column) then
-            sorted_value(place) = sorted_value(place) + entry
-            cycle
-          end if
-        end if
-        sorted_index(place + 2:used + 1) = sorted_index(place + 1:used)
-        sorted_value(place + 2:used + 1) = sorted_value(place + 1:used)
-        sorted_index(place + 1) = column
-        sorted_value(place + 1) = entry
-        used = used + 1
-      end do
-      sorted_first(row + 1) = used
-    end do
-  end subroutine sort_columns
+    handles%numeric = c_null_ptr
+    handles%owner = transfer(c_loc(handles%symbolic), 0_c_intptr_t)
+  end subroutine take
+
+  function owned(handles)
+    type(handles_t), intent(in), target :: handles
+    logical :: owned
+
+    owned = handles%owner /= 0 .and. &
+            handles%owner == transfer(c_loc(handles%symbolic), 0_c_intptr_t)
+  end function owned
+
+  subroutine finish(handles)
+    type(handles_t), intent(inout) :: handles
+
+    if (owned(handles)) then
+      if (c_associated(handles%numeric)) call umfpack_free_numeric(handles%numeric)
+      if (c_associated(handles%symbolic)) call umfpack_free_symbolic(handles%symbolic)
+    end if
+    handles%symbolic = c_null_ptr
+    handles%numeric = c_null_ptr
+    handles%owner = 0
+  end subroutine finish
 
 end module calor_umfpack

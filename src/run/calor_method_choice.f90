@@ -1,0 +1,358 @@
+!> The time integrator that should cost least, and what each should cost.
+!>
+!> Costs are foreseen from work that is counted, products with the Laplacian and factors of its
+!> matrix, and from what a unit of work takes on a core of today, measured once and written down
+!> below. No clock decides: the same scene is integrated by the same method whenever and wherever it
+!> runs, on any number of threads.
+!>
+!> How many products the exponential propagator takes follows from the spectral radius, the
+!> tolerance and a short trial (see calor_exponential). How many steps methods of second order take
+!> is known from the first ones of a run with RKL2: their length grows with a power of the age of
+!> what spreads, or in the end as the cube root of the slowest decay. That trial is left out where
+!> the exponential propagator is cheaper than any such run.
+module calor_method_choice
+  use calor_error, only: error_t
+  use calor_evolution, only: evolution_t
+  use calor_exponential, only: exponential_terms, find_roundness, longest_series, part_left, &
+                               trial_terms, useful_roundness
+  use calor_integrators, only: make_integrator
+  use calor_kinds, only: wp
+  use calor_stepper, only: stepper_t
+  use calor_text, only: to_text
+  implicit none (type, external)
+  private
+
+  public :: method_choice_t, method_cost_t, problem_t, foresee_costs, seconds_text
+  public :: rkl2_cost, tr_bdf2_cost, exponential_cost, pilot_t, run_pilot, steps_ahead
+
+  !> Seconds of one core for: a row and an entry of a product, and what it takes anyway; a row in
+  !> the vector updates of a stage; an entry of the factors in a solution; a floating-point
+  !> operation of the factorisation, and an entry of the factors and of the matrix in it
+  real(wp), parameter :: row_seconds = 1.0e-9_wp, entry_seconds = 6.0e-10_wp
+  real(wp), parameter :: call_seconds = 1.0e-6_wp
+  !> More entries than that do not fit into a core's own cache, and all takes longer by that factor
+  real(wp), parameter :: cached_entries = 2.0e5_wp, from_memory = 1.7_wp
+  real(wp), parameter :: stage_seconds = 2.0e-9_wp, solution_seconds = 1.5e-9_wp
+  real(wp), parameter :: operation_seconds = 4.0e-10_wp, factor_seconds = 8.0e-9_wp, &
+                         matrix_seconds = 1.0e-7_wp
+  !> Entries of both factors of a matrix with m entries in each of n rows: this times m n log2 n.
+  !> Operations to find them: this times (m n)^1.5. Both measured on clouds of the plane.
+  real(wp), parameter :: fill = 0.5_wp, operations = 6.0_wp
+  !> Steps of the trial, and the fewest steps that any run of second order takes
+  integer, parameter :: pilot_steps = 12, fewest_steps = 4
+  !> The power of time with which steps grow while a jump spreads: the root mean square of the third
+  !> derivative is ∫ (k⁵ exp(-k² t))² dk to the power 1/2 then, which goes with t^(-11/4)
+  real(wp), parameter :: spreading_power = 11.0_wp/12
+  !> Steps of TR-BDF2 against those of RKL2: its errors are smaller, and its steps grow by leaps;
+  !> and where a jump spreads. Both are measured
+  real(wp), parameter :: fewer = 0.9_wp, smoother = 0.5_wp
+  !> New factors that steps of growing length take
+  integer, parameter :: usual_factorisations = 6
+
+  !> What is known of a problem before it is integrated
+  type :: problem_t
+    !> Rows, and entries beside the diagonal
+    real(wp) :: rows = 0.0_wp, entries = 0.0_wp
+    !> Spectral radius, 1/s
+    real(wp) :: spectral_radius = 0.0_wp
+    !> The time to integrate, s, and in how many parts, each of which ends with an output
+    real(wp) :: duration = 0.0_wp, parts = 1.0_wp
+    !> Error that a step may make, and the rate at the start times the duration, both root mean
+    !> square
+    real(wp) :: tolerance = 0.0_wp, scale = 1.0_wp
+    !> The slowest decay, 1/s; 0: not known
+    real(wp) :: slowest = 0.0_wp
+    !> Whether the exponential propagator and TR-BDF2 can integrate it
+    logical :: linear = .false., implicit = .true.
+    !> Whether something changes with time, so that steps need not grow
+    logical :: changing = .false.
+  end type problem_t
+
+  !> What a method should take
+  type :: method_cost_t
+    character(len=12) :: name = ''
+    !> Steps; products with the Laplacian; seconds of one core
+    real(wp) :: steps = 0.0_wp, products = 0.0_wp, seconds = 0.0_wp
+    !> Whether that is a bound, as no trial was made
+    logical :: at_most = .false.
+  end type method_cost_t
+
+  !> What the first steps of a run have shown
+  type :: pilot_t
+    !> Steps taken, and the time reached, s
+    integer :: steps = 0
+    real(wp) :: time = 0.0_wp
+    !> The next step, s, and how old what spreads was at time 0, s: the step goes with a power of
+    !> the age; huge: steps do not grow
+    real(wp) :: step = 0.0_wp, age = huge(1.0_wp)
+    !> The longest step that RKL2 has proven stable, s
+    real(wp) :: longest = huge(1.0_wp)
+  end type pilot_t
+
+  !> The method, and why
+  type :: method_choice_t
+    character(len=:), allocatable :: method
+    !> All that could be taken, the cheapest first
+    type(method_cost_t), allocatable :: costs(:)
+  contains
+    !> In one sentence
+    procedure :: sentence
+  end type method_choice_t
+
+contains
+
+  !> Find the cheapest method.
+  subroutine foresee_costs(problem, evolution, stepper, state, choice)
+    !> What is known
+    type(problem_t), intent(in) :: problem
+    !> What is integrated
+    class(evolution_t), intent(inout) :: evolution
+    !> RKL2, ready to step; it stays as it is
+    type(stepper_t), intent(in) :: stepper
+    !> The state at time 0
+    real(wp), intent(in) :: state(:)
+    type(method_choice_t), intent(out) :: choice
+    type(pilot_t) :: pilot
+    type(method_cost_t) :: exponential, bound
+    real(wp) :: roundness, least, steps
+    integer :: trials
+
+    allocate (choice%costs(0))
+    least = huge(least)
+    if (problem%implicit) then
+      bound = tr_bdf2_cost(problem, max(real(fewest_steps, wp), problem%parts))
+      least = bound%seconds
+    end if
+    if (problem%linear) then
+      exponential = exponential_cost(problem, 0.0_wp)
+      ! The integrator makes the same trial.
+      trials = trials_of(problem)
+      if (trials > 0) then
+        call find_roundness(evolution, problem%spectral_radius, trials, roundness)
+        exponential = exponential_cost(problem, roundness)
+      end if
+      choice%costs = [exponential]
+      if (exponential%seconds <= least) then
+        choice%method = 'exponential'
+        return
+      end if
+    else
+      ! Steps grow, as a rule: there will hardly be more than if all were as the first.
+      bound = rkl2_cost(problem, problem%duration/stepper%first_proposal())
+      if (bound%seconds <= least) then
+        bound%at_most = .true.
+        choice%costs = [bound]
+        choice%method = 'rkl2'
+        return
+      end if
+    end if
+    call run_pilot(problem, evolution, stepper, state, pilot)
+    steps = steps_ahead(problem, pilot)
+    choice%costs = [choice%costs, rkl2_cost(problem, steps + problem%duration/pilot%longest)]
+    if (problem%implicit) then
+      ! What spreads from a jump is smoother to a method that damps it.
+      if (pilot%age < 0.1_wp*problem%duration) steps = smoother*steps
+      choice%costs = [choice%costs, tr_bdf2_cost(problem, fewer*steps)]
+    end if
+    call sort(choice%costs)
+    choice%method = trim(choice%costs(1)%name)
+  end subroutine foresee_costs
+
+  pure subroutine sort(costs)
+    type(method_cost_t), intent(inout) :: costs(:)
+    type(method_cost_t) :: cheapest
+    integer :: k, place
+
+    do k = 1, size(costs) - 1
+      place = k - 1 + minloc(costs(k:)%seconds, dim=1)
+      cheapest = costs(place)
+      costs(place) = costs(k)
+      costs(k) = cheapest
+    end do
+  end subroutine sort
+
+  !> Steps of RKL2 as long as the tolerance allows, on a copy of the state.
+  subroutine run_pilot(problem, evolution, stepper, state, pilot)
+    type(problem_t), intent(in) :: problem
+    class(evolution_t), intent(inout) :: evolution
+    type(stepper_t), intent(in) :: stepper
+    real(wp), intent(in) :: state(:)
+    type(pilot_t), intent(out) :: pilot
+    type(stepper_t) :: trial
+    type(error_t), allocatable :: error
+    real(wp), allocatable :: u(:)
+    real(wp) :: middle, middle_step, ratio
+
+    trial = stepper
+    u = state
+    ! Steps are as long as they would be on the way to the end, not to the first output.
+    call trial%advance_to(evolution, pilot%time, problem%duration, u, error, &
+                          at_most=pilot_steps/2)
+    middle = pilot%time
+    middle_step = trial%next_proposal()
+    if (.not. allocated(error) .and. pilot%time < problem%duration) then
+      call trial%advance_to(evolution, pilot%time, problem%duration, u, error, &
+                            at_most=pilot_steps/2)
+    end if
+    pilot%steps = trial%steps
+    pilot%step = trial%next_proposal()
+    pilot%longest = problem%duration
+    call trial%integrator%shorten_step(evolution, problem%spectral_radius, pilot%longest)
+    if (.not. (pilot%time > middle .and. pilot%step > 1.001_wp*middle_step)) return
+    ! Δt₁/Δt₂ = ((t₁ + age)/(t₂ + age))^power
+    ratio = (pilot%step/middle_step)**(1/spreading_power)
+    pilot%age = max(0.0_wp, (pilot%time - ratio*middle)/(ratio - 1))
+  end subroutine run_pilot
+
+  !> Steps of second order that the whole run takes. Δt goes with the power 11/12 of the age of what
+  !> spreads from a jump, and once that is slower as exp(t μ/3): the third derivative of the slowest
+  !> mode decays as exp(-t μ).
+  pure function steps_ahead(problem, pilot) result(steps)
+    type(problem_t), intent(in) :: problem
+    type(pilot_t), intent(in) :: pilot
+    real(wp) :: steps
+    real(wp) :: step, age, turn, growth
+
+    steps = pilot%steps
+    if (.not. pilot%time < problem%duration .or. .not. pilot%step > 0) return
+    if (problem%changing .or. .not. pilot%age < 1.0e3_wp*problem%duration) then
+      steps = steps + (problem%duration - pilot%time)/pilot%step
+      return
+    end if
+    turn = problem%duration
+    growth = problem%slowest/3
+    if (growth > 0) turn = min(turn, max(pilot%time, spreading_power/growth - pilot%age))
+    ! ∫ dt/Δt, Δt = step ((t + age)/(time + age))^power
+    age = max(pilot%time + pilot%age, tiny(age)**0.25_wp)
+    step = pilot%step*((turn + pilot%age)/age)**spreading_power
+    steps = steps + age/pilot%step*(((turn + pilot%age)/age)**(1 - spreading_power) - 1)/ &
+            (1 - spreading_power)
+    if (problem%duration > turn) then
+      steps = steps + (1 - exp(-min(700.0_wp, growth*(problem%duration - turn))))/(growth*step)
+    end if
+  end function steps_ahead
+
+  !> Steps of RKL2, each with as many stages as it needs.
+  pure function rkl2_cost(problem, steps) result(cost)
+    type(problem_t), intent(in) :: problem
+    real(wp), intent(in) :: steps
+    type(method_cost_t) :: cost
+    real(wp) :: stages
+
+    cost%name = 'rkl2'
+    cost%steps = max(steps, problem%parts)
+    ! s² + s - 2 = 2 λ Δt, rounded up to an odd number
+    stages = max(3.0_wp, 1 + 0.5_wp*(sqrt(9 + 8*problem%spectral_radius*problem%duration/ &
+                                          cost%steps) - 1))
+    cost%products = cost%steps*stages
+    cost%seconds = cost%products*stage_cost(problem)
+  end function rkl2_cost
+
+  !> Steps of TR-BDF2 with factors: two products and three solutions each.
+  pure function tr_bdf2_cost(problem, steps) result(cost)
+    type(problem_t), intent(in) :: problem
+    real(wp), intent(in) :: steps
+    type(method_cost_t) :: cost
+    real(wp) :: in_matrix, in_factors
+
+    cost%name = 'tr_bdf2'
+    cost%steps = max(steps, problem%parts)
+    cost%products = 2*cost%steps
+    in_matrix = problem%entries + problem%rows
+    in_factors = fill*in_matrix*log(max(2.0_wp, problem%rows))/log(2.0_wp)
+    cost%seconds = cost%products*stage_cost(problem) + &
+                   3*cost%steps*(in_factors*solution_seconds + problem%rows*stage_seconds) + &
+                   matrix_seconds*in_matrix + min(cost%steps, real(usual_factorisations, wp))* &
+                   (factor_seconds*in_factors + operation_seconds*operations*in_matrix**1.5_wp)
+  end function tr_bdf2_cost
+
+  !> One series for each part, or several where it would be too long.
+  pure function exponential_cost(problem, roundness) result(cost)
+    type(problem_t), intent(in) :: problem
+    real(wp), intent(in) :: roundness
+    type(method_cost_t) :: cost
+    real(wp) :: decay
+
+    cost%name = 'exponential'
+    cost%steps = series_needed(problem)
+    decay = problem%spectral_radius*problem%duration/cost%steps
+    cost%products = 1 + exponential_terms(decay, part_of(problem), &
+                                          useful_roundness(roundness, decay))
+    cost%products = cost%steps*cost%products
+    cost%products = cost%products + trials_of(problem)
+    cost%seconds = cost%products*stage_cost(problem)
+  end function exponential_cost
+
+  pure function series_needed(problem) result(number)
+    type(problem_t), intent(in) :: problem
+    real(wp) :: number
+
+    number = max(problem%parts, anint(0.5_wp + problem%spectral_radius*problem%duration/ &
+                                      longest_series))
+  end function series_needed
+
+  pure function trials_of(problem) result(terms)
+    type(problem_t), intent(in) :: problem
+    integer :: terms
+
+    terms = trial_terms(problem%spectral_radius*problem%duration/series_needed(problem), &
+                        part_of(problem))
+  end function trials_of
+
+  !> What a series may leave over, as a part of Δt F
+  pure function part_of(problem) result(part)
+    type(problem_t), intent(in) :: problem
+    real(wp) :: part
+
+    part = part_left*problem%tolerance/(problem%scale/series_needed(problem))
+  end function part_of
+
+  !> Seconds of one core for a product and the vector updates that go with it
+  pure function stage_cost(problem) result(seconds)
+    type(problem_t), intent(in) :: problem
+    real(wp) :: seconds
+
+    seconds = call_seconds + problem%rows*(row_seconds + stage_seconds) + &
+              problem%entries*entry_seconds
+    if (problem%entries > cached_entries) seconds = from_memory*seconds
+  end function stage_cost
+
+  !> 'exponential: 1 step, 45 products, 0.2 ms; rkl2: …', of one core
+  function sentence(this) result(text)
+    class(method_choice_t), intent(in) :: this
+    character(len=:), allocatable :: text
+    integer :: k
+
+    text = ''
+    do k = 1, size(this%costs)
+      associate (cost => this%costs(k))
+        if (k > 1) text = text//'; '
+        text = text//trim(cost%name)//merge(': at most ', ': about   ', cost%at_most)
+        text = trim(text)//' '//to_text(anint(cost%steps), digits=3)// &
+               trim(merge(' step, ', ' steps,', anint(cost%steps) < 1.5_wp))//' '// &
+               to_text(anint(cost%products), digits=3)//' products, '//seconds_text(cost%seconds)
+      end associate
+    end do
+    if (size(this%costs) == 0) then
+      text = 'no other method takes what is in force'
+    else
+      text = text//' of one core'
+      if (size(this%costs) == 1) text = text//'; nothing else could be cheaper'
+    end if
+  end function sentence
+
+  !> A time for people, as in '1.5 ms'.
+  pure function seconds_text(seconds) result(text)
+    real(wp), intent(in) :: seconds
+    character(len=:), allocatable :: text
+
+    if (seconds < 1.0e-3_wp) then
+      text = to_text(1.0e6_wp*seconds, digits=2)//' µs'
+    else if (seconds < 1.0_wp) then
+      text = to_text(1.0e3_wp*seconds, digits=2)//' ms'
+    else
+      text = to_text(seconds, digits=2)//' s'
+    end if
+  end function seconds_text
+
+end module calor_method_choice
