@@ -143,7 +143,7 @@ contains
     !$omp private(first_row, last_row, row) firstprivate(batch, stencil)
     call stencil%reserve(most)
     if (batches) call batch%reserve(most)
-    !$omp do schedule(static)
+    !$omp do schedule(dynamic, 16)
     do first_row = 1, list%rows(), lanes
       last_row = min(first_row + lanes - 1, list%rows())
       if (batches) then

@@ -3,6 +3,7 @@
 !> Where supports grow row by row, most rows are good at the first attempt and others after a few:
 !> each is kept as soon as it is good, so that none is assembled twice.
 module calor_row_collection
+  use calor_constants, only: worth_threads
   use calor_huge_pages, only: prefer_huge_pages
   use calor_kinds, only: wp, ip, i8
   use calor_row_report, only: row_report_t
@@ -104,7 +105,8 @@ contains
     allocate (operator%index(place - 1), operator%weight(place - 1))
     call prefer_huge_pages(operator%index)
     call prefer_huge_pages(operator%weight)
-    !$omp parallel do schedule(static) default(shared) private(row, from, length)
+    !$omp parallel do if (rows > worth_threads) schedule(static) default(shared) &
+    !$omp private(row, from, length)
     do row = 1, rows
       associate (source => this%attempts(this%attempt_of(row)), k => this%place_in(row), &
                  to => operator%first(row))

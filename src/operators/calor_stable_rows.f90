@@ -8,6 +8,7 @@
 !> quadratic ones: stable, but reported. Such a row on neighbours that are far too near, as those of
 !> a particle that nearly touches a wall, is slowed down to what a row may cost.
 module calor_stable_rows
+  use calor_constants, only: worth_threads
   use calor_kernel, only: kernel_t
   use calor_kinds, only: wp, ip, i8
   use calor_laplacian_positive, only: positive_t
@@ -178,7 +179,7 @@ contains
     list = first_list
     do time = 0, most_times
       allocate (alone(list%rows()))
-      !$omp parallel do schedule(static) default(shared) private(k)
+      !$omp parallel do if (list%rows() > worth_threads) schedule(static) default(shared) private(k)
       do k = 1, list%rows()
         associate (neighbour => list%index(list%first(k):list%first(k + 1) - 1), &
                    i => list%target(k))
