@@ -36,11 +36,11 @@ module calor_rightmost_eigenvalue
   !> Systems up to this size are solved densely, and larger ones up to the other if the iteration
   !> fails, as it may where a lattice has many equal eigenvalues
   integer, parameter :: always_dense = 100, largest_dense = 400
-  !> Degree of the polynomial: the higher, the better it tells slow modes apart
-  integer, parameter :: degree = 31
-  !> Where the interval of fast decay begins, as a part of the spectral radius: the polynomial is
-  !> cosh(2 √5) = 44 times larger at zero
-  real(wp), parameter :: slow_part = 5.0_wp/degree**2
+  !> Degree of the polynomial: the higher, the better it tells slow modes apart …
+  integer, parameter :: highest_degree = 31, lowest_degree = 8
+  !> … but so many unknowns at least for each of its square: where the slow part of the spectrum
+  !> holds fewer modes than are wanted, others that are all alike take long to find
+  real(wp), parameter :: unknowns_per_square = 3.0_wp
   !> Eigenvalues to the left of the interval would mislead: it is wider than the spectrum should be
   real(wp), parameter :: margin = 1.1_wp
   !> How often the ellipse may be widened
@@ -68,7 +68,7 @@ contains
     allocate (free(evolution%unknowns()), source=1.0_wp)
     call evolution%clear_prescribed(free)
     n = count(free > 0.5_wp)
-    if (n > always_dense) call arnoldi(evolution, spectral_radius, rightmost)
+    if (n > always_dense) call arnoldi(evolution, n, spectral_radius, rightmost)
     if (n <= largest_dense .and. .not. rightmost%converged) then
       rightmost = rightmost_t()
       call jacobian_spectrum(evolution, real_parts, imaginary_parts)
@@ -143,19 +143,25 @@ contains
 
   !> ARPACK on the polynomial, with a wider ellipse as long as eigenvalues off the axis hide those
   !> that are looked for.
-  subroutine arnoldi(evolution, spectral_radius, rightmost)
+  subroutine arnoldi(evolution, unknowns, spectral_radius, rightmost)
     class(evolution_t), intent(inout) :: evolution
+    !> How many entries are not prescribed
+    integer, intent(in) :: unknowns
     real(wp), intent(in) :: spectral_radius
     type(rightmost_t), intent(inout) :: rightmost
-    real(wp) :: centre, half_width, half_height, focus, at_zero, least, highest
-    integer :: attempt
+    real(wp) :: centre, half_width, half_height, focus, at_zero, least, highest, slow_part
+    integer :: attempt, degree
 
+    degree = min(highest_degree, max(lowest_degree, int(sqrt(unknowns/unknowns_per_square))))
+    ! Where the interval of fast decay begins, as a part of the spectral radius: the polynomial is
+    ! cosh(2 √5) = 44 times larger at zero
+    slow_part = 5.0_wp/degree**2
     centre = -0.5_wp*margin*spectral_radius*(1 + slow_part)
     half_width = 0.5_wp*margin*spectral_radius*(1 - slow_part)
     half_height = 0
     do attempt = 1, most_ellipses
       focus = sqrt(half_width**2 - half_height**2)
-      call search(evolution, centre, focus, rightmost, least, highest)
+      call search(evolution, degree, centre, focus, rightmost, least, highest)
       if (rightmost%growth_rate > 0) return
       at_zero = cosh(degree*acosh(-centre/focus))
       if (.not. rightmost%converged) exit
@@ -169,8 +175,10 @@ contains
   end subroutine arnoldi
 
   !> ARPACK on one polynomial.
-  subroutine search(evolution, centre, focus, rightmost, least, highest)
+  subroutine search(evolution, degree, centre, focus, rightmost, least, highest)
     class(evolution_t), intent(inout) :: evolution
+    !> Degree of the polynomial
+    integer, intent(in) :: degree
     !> Centre of the ellipse, and half the distance between its foci, 1/s
     real(wp), intent(in) :: centre, focus
     type(rightmost_t), intent(inout) :: rightmost
@@ -205,7 +213,7 @@ contains
       call dnaupd(ido, 'I', n, 'LM', wanted, tolerance, residual, krylov_size, basis, n, iparam, &
                   ipntr, workd, workl, lworkl, info)
       if (abs(ido) /= 1) exit
-      call apply_polynomial(evolution, centre, focus, workd(ipntr(1):ipntr(1) + n - 1), &
+      call apply_polynomial(evolution, degree, centre, focus, workd(ipntr(1):ipntr(1) + n - 1), &
                             workd(ipntr(2):ipntr(2) + n - 1))
     end do
     rightmost%method = 'Arnoldi iteration'
@@ -218,7 +226,7 @@ contains
     end if
     if (.not. rightmost%converged) then
       ! The best single vector there is: what many polynomials leave over
-      call settle(evolution, centre, focus, vectors(:, 1))
+      call settle(evolution, degree, centre, focus, vectors(:, 1))
       dr(1) = 1
     end if
     least = sqrt(minval(dr**2 + di**2, dr**2 + di**2 > 0))
@@ -226,8 +234,9 @@ contains
   end subroutine search
 
   !> The Chebyshev polynomial of the Jacobian times a vector.
-  subroutine apply_polynomial(evolution, centre, focus, v, product)
+  subroutine apply_polynomial(evolution, degree, centre, focus, v, product)
     class(evolution_t), intent(inout) :: evolution
+    integer, intent(in) :: degree
     real(wp), intent(in) :: centre, focus
     real(wp), intent(in) :: v(:)
     real(wp), intent(out) :: product(:)
@@ -253,8 +262,9 @@ contains
   end subroutine apply_polynomial
 
   !> Leave of a vector what grows most or decays least.
-  subroutine settle(evolution, centre, focus, vector)
+  subroutine settle(evolution, degree, centre, focus, vector)
     class(evolution_t), intent(inout) :: evolution
+    integer, intent(in) :: degree
     real(wp), intent(in) :: centre, focus
     real(wp), intent(out) :: vector(:)
     real(wp), allocatable :: product(:)
@@ -266,7 +276,7 @@ contains
     allocate (product(size(vector)))
     call evolution%clear_prescribed(vector)
     do k = 1, 10
-      call apply_polynomial(evolution, centre, focus, vector, product)
+      call apply_polynomial(evolution, degree, centre, focus, vector, product)
       vector = product/maxval(abs(product))
     end do
   end subroutine settle
