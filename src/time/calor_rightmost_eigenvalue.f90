@@ -240,24 +240,27 @@ contains
     real(wp), intent(in) :: centre, focus
     real(wp), intent(in) :: v(:)
     real(wp), intent(out) :: product(:)
-    real(wp), allocatable :: earlier(:), later(:), rate(:)
+    real(wp), allocatable :: term(:, :), work(:)
     real(wp) :: factor
-    integer :: j, k
+    integer :: j, k, earlier, later
 
-    allocate (earlier(size(v)), later(size(v)), rate(size(v)))
-    earlier = 0
-    later = v
-    do j = 1, degree
-      call evolution%jacobian_product(later, rate)
-      factor = merge(1.0_wp, 2.0_wp, j == 1)/focus
-      !$omp parallel do if (size(v) > worth_threads) schedule(static) default(shared) private(k)
-      do k = 1, size(v)
-        product(k) = factor*(rate(k) - centre*later(k)) - earlier(k)
-        earlier(k) = later(k)
-        later(k) = product(k)
-      end do
-      !$omp end parallel do
+    allocate (term(size(v), 2), work(size(v)))
+    !$omp parallel do if (size(v) > worth_threads) schedule(static) default(shared) private(k)
+    do k = 1, size(v)
+      term(k, 1) = 0
+      term(k, 2) = v(k)
+      work(k) = 0
     end do
+    !$omp end parallel do
+    earlier = 1
+    do j = 1, degree
+      factor = merge(1.0_wp, 2.0_wp, j == 1)/focus
+      later = 3 - earlier
+      call evolution%combine_with_jacobian([-factor*centre, -1.0_wp, 0.0_wp, 0.0_wp, factor], &
+                                           term(:, later), term(:, earlier), work)
+      earlier = later
+    end do
+    product = term(:, 3 - earlier)
     call evolution%clear_prescribed(product)
   end subroutine apply_polynomial
 
