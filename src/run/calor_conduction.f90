@@ -181,10 +181,17 @@ contains
     real(wp), intent(inout), contiguous :: work(:)
     real(wp), intent(in), contiguous, optional :: start(:), rate_start(:)
 
+    ! Written out: an absent contiguous argument cannot be handed on in this compiler
     if (allocated(this%slope) .or. .not. this%stream%stands_for(this%laplacian)) then
-      call jacobian_in_parts(this, c, newer, older, work, start, rate_start)
-    else
+      if (present(start) .and. present(rate_start)) then
+        call jacobian_in_parts(this, c, newer, older, work, start, rate_start)
+      else
+        call jacobian_in_parts(this, c, newer, older, work)
+      end if
+    else if (present(start) .and. present(rate_start)) then
       call this%stream%combine([c(1:4), c(5)*this%diffusivity], newer, older, start, rate_start)
+    else
+      call this%stream%combine([c(1:4), c(5)*this%diffusivity], newer, older)
     end if
   end subroutine combine_with_jacobian
 
