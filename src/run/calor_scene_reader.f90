@@ -461,10 +461,6 @@ contains
                     'equation of the error holds for smooth fields. Remove &accuracy, or '// &
                     '&material latent_heat.')
     end if
-    if (scene%accuracy%estimate .and. scene%time%steady) then
-      call raise_at(error, group, '', 'the error of a steady temperature is not estimated; '// &
-                    'remove &accuracy, or &time steady.')
-    end if
   end subroutine read_accuracy
 
   subroutine read_output(file, scene, error)
