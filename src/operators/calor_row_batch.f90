@@ -16,8 +16,8 @@ module calor_row_batch
   !> Rows of a batch
   integer, parameter :: lanes = 8
 
-  !> Up to `lanes` rows. Neighbour k of the row in lane l stands at l + lanes*(k - 1); the arrays are
-  !> a workspace and may be longer. Units are those of `stencil_t`.
+  !> Up to `lanes` rows. Neighbour k of the row in lane l stands at l + lanes*(k - 1); the arrays
+  !> are a workspace and may be longer. Units are those of `stencil_t`.
   type :: row_batch_t
     !> The largest number of neighbours
     integer :: n = 0

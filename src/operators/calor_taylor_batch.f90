@@ -13,9 +13,12 @@ module calor_taylor_batch
 
   public :: batch_taylor_weights
 
-  !> Matrices are scaled to a diagonal of ones. With a pivot below this, fewer than some twelve
-  !> digits of the weights would be left after the refinement.
+  !> Matrices are scaled to a diagonal of ones. Below such a pivot those that follow are rounding
+  !> errors as likely as not.
   real(wp), parameter :: smallest_pivot = 1.0e-9_wp
+  !> Weights ω Pᵀ c that meet all moments are those of least norm, however c was found. Rows that
+  !> miss one by more, in units of the support radius, are not vouched for.
+  real(wp), parameter :: largest_residual = 1.0e-11_wp
   !> Number of moments of degrees 0 … 2 highest_degree, and of entries of half a matrix
   integer, parameter :: most_moments = (2*highest_degree + 1)*(highest_degree + 1)
   integer, parameter :: most_entries = most*(most + 1)/2
@@ -44,7 +47,7 @@ contains
     call weighting(batch%n, batch%q, batch%f, shortest, omega)
     call moment_matrix(batch%n, batch%q, batch%ex, batch%ey, omega, degree, m, matrix, scaling)
     call factorise(m, matrix, batch%condition_laplacian, batch%solved)
-    batch%solved = batch%solved .and. batch%length > 0
+    batch%solved = batch%solved .and. batch%length >= m
     if (.not. any(batch%solved)) return
     batch%weight(1:lanes*batch%n) = 0
     moment(:, 1:m) = 0
@@ -61,6 +64,7 @@ contains
     do k = 1, m
       batch%residual = max(batch%residual, abs(moment(:, k) - wanted(k)))
     end do
+    batch%solved = batch%solved .and. batch%residual <= largest_residual
     call sum_up(batch%n, batch%weight, batch%diagonal)
   end subroutine batch_taylor_weights
 
