@@ -87,7 +87,8 @@ contains
     end if
 
     allocate (bucket_of(particles))
-    !$omp parallel do if (particles > worth_threads) default(none) shared(particles, x, y, cells, bucket_of) schedule(static)
+    !$omp parallel do if (particles > worth_threads) default(none) schedule(static) &
+    !$omp shared(particles, x, y, cells, bucket_of)
     do i = 1, particles
       bucket_of(i) = cells%bucket(cells%column(x(i)), cells%row(y(i)))
     end do
@@ -96,7 +97,8 @@ contains
     call counting_sort(bucket_of, cells%buckets, cells%first, cells%particle)
 
     allocate (cells%x(particles), cells%y(particles))
-    !$omp parallel do if (particles > worth_threads) default(none) shared(particles, x, y, cells) schedule(static)
+    !$omp parallel do if (particles > worth_threads) default(none) schedule(static) &
+    !$omp shared(particles, x, y, cells)
     do i = 1, particles
       cells%x(i) = x(cells%particle(i))
       cells%y(i) = y(cells%particle(i))

@@ -46,7 +46,8 @@ contains
     ! Squares so small that even the highest coordinates lie below 2³⁰ of them
     per_length = (2.0_wp**levels - 1)/max(extent, 1.0e-290_wp)
 
-    !$omp parallel do if (size(x) > worth_threads) default(none) shared(x, y, key, x_low, y_low, per_length) schedule(static)
+    !$omp parallel do if (size(x) > worth_threads) default(none) schedule(static) &
+    !$omp shared(x, y, key, x_low, y_low, per_length)
     do i = 1, size(x)
       key(i) = hilbert_key(int((x(i) - x_low)*per_length, i8), int((y(i) - y_low)*per_length, i8))
     end do

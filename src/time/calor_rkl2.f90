@@ -165,9 +165,9 @@ contains
     place = 4/(3*(real(stages, wp)**2 + stages - 2))
   end function first_place
 
-  !> What stage j consists of: the factors of the last stage and of the one before, of stage 0 and its
-  !> rate, and of the last stage's rate. It takes the place of the one before, which is no longer
-  !> needed once it has entered.
+  !> What stage j consists of: the factors of the last stage and of the one before, of stage 0 and
+  !> its rate, and of the last stage's rate. It takes the place of the one before, which is no
+  !> longer needed once it has entered.
   pure function factors(j, stages, step) result(c)
     integer, intent(in) :: j, stages
     real(wp), intent(in) :: step
