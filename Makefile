@@ -96,7 +96,7 @@ absent-effects: set-up ## count what effects cost a scene without them (minutes;
 bench: build examples ## measure speed beside other programs (minutes); SIZE=0.01 to try it
 	@tools/set_up.sh bench
 	@.venv-bench/bin/python bench/bench.py $(EXAMPLES)/bench $(BIN)/calor build/bench $(SIZE)
-	@$(if $(SIZE),,tools/speed_document.sh build/bench docs/speed.md docs/pictures)
+	@$(if $(SIZE),,.venv-bench/bin/python bench/put_tables.py build/bench docs)
 
 documents: build examples ## make anew what the documents quote from the programs
 	@tools/documents.sh
