@@ -281,7 +281,7 @@ contains
       if (.not. scene%time%steady) then
         attempt%evaluations = simulation%stepper%integrator%evaluations
       end if
-      norm = root_mean_square(simulation%temperature + simulation%estimate%error)
+      norm = root_mean_square(simulation%temperature + simulation%error_estimate())
       attempt%time_error = simulation%stepper%accumulated_error/max(norm, tiny(1.0_wp))
       attempt%step_seconds = 0
       attempt%scheme_seconds = 0

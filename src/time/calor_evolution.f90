@@ -23,6 +23,8 @@ module calor_evolution
     !> an integrator consists of. An evolution that can do it in one sweep overrides them
     procedure :: combine_with_rate => rate_in_parts
     procedure :: combine_with_jacobian => jacobian_in_parts
+    !> Take ∂F/∂u at a state for it from now on; without this it is on the safe side
+    procedure :: linearise
     !> Put the prescribed values of a time into u
     procedure(impose_interface), deferred :: impose
     !> Put 0 into the prescribed entries of a vector
@@ -143,5 +145,17 @@ contains
     end do
     !$omp end parallel do
   end subroutine jacobian_in_parts
+
+  !> Nothing to do where ∂F/∂u is the same at all states.
+  subroutine linearise(this, time, u)
+    class(evolution_t), intent(inout) :: this
+    !> Time, s
+    real(wp), intent(in) :: time
+    !> State
+    real(wp), intent(in) :: u(:)
+
+    associate (unused => this, also => time, and => u)
+    end associate
+  end subroutine linearise
 
 end module calor_evolution
