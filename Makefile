@@ -8,7 +8,7 @@
 .DEFAULT_GOAL := build
 .NOTPARALLEL:
 .PHONY: help build run test test-checked examples lint format pictures hard-cases cost documents \
-  steppers verification absent-effects fuzz set-up clean distclean
+  steppers verification absent-effects bench fuzz set-up clean distclean
 SHELL := /bin/bash
 
 RELEASE_FLAGS := -O3 -march=native
@@ -96,6 +96,11 @@ verification: examples ## run the scenes of data/verification and write their ta
 absent-effects: set-up ## count what effects cost a scene without them (minutes; needs valgrind)
 	@tools/absent_effects.sh
 
+bench: build examples ## measure speed beside other programs (minutes); SIZE=0.01 to try it
+	@tools/set_up.sh bench
+	@.venv-bench/bin/python bench/bench.py $(EXAMPLES)/bench $(BIN)/calor build/bench $(SIZE)
+	@$(if $(SIZE),,.venv-bench/bin/python bench/put_tables.py build/bench docs)
+
 documents: build examples ## make anew what the documents quote from the programs
 	@tools/documents.sh
 
@@ -106,4 +111,4 @@ clean: ## remove what was built
 	rm -rf bin build/checked build/examples build/gfortran_* build/cache.toml build/compile_commands.json
 
 distclean: clean ## remove what was built and what was installed here (Debian packages stay)
-	rm -rf build .venv .venv-vtk
+	rm -rf build .venv .venv-vtk .venv-bench

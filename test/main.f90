@@ -32,6 +32,7 @@ program main
   use test_materials, only: collect_materials
   use test_neighbour_list, only: collect_neighbour_list
   use test_random, only: collect_random
+  use test_row_layouts, only: collect_row_layouts
   use test_shapes, only: collect_shapes
   use test_stable_rows, only: collect_stable_rows
   use test_text, only: collect_text
@@ -51,6 +52,7 @@ program main
            new_testsuite('gnuplot', collect_gnuplot), &
            new_testsuite('cloud file', collect_cloud_file), &
            new_testsuite('operators', collect_operators), &
+           new_testsuite('row layouts', collect_row_layouts), &
            new_testsuite('time', collect_time), &
            new_testsuite('implicit', collect_implicit), &
            new_testsuite('stable rows', collect_stable_rows), &

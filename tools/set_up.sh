@@ -4,6 +4,7 @@
 #   tools/set_up.sh          compiler, libraries, fpm, test-drive: all that building and testing take
 #   tools/set_up.sh lint     the linter and the formatter
 #   tools/set_up.sh vtk      VTK's reader for Python, which the continuous integration opens files with
+#   tools/set_up.sh bench    programs of others that `make bench` measures beside calor
 #
 # Debian packages are installed where that is allowed (root); elsewhere the script says which are
 # missing and stops with status 1. Python programs go into private environments, pinned.
@@ -14,6 +15,8 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 readonly FPM='fpm==0.12.0'
 readonly LINTERS=('fortitude-lint==0.10.0' 'findent==4.3.6')
 readonly VTK='vtk==9.5.2'
+readonly PEERS=('numpy==2.4.6' 'scipy==1.17.1' 'scikit-fem==12.0.2' 'mkl==2026.2.0'
+  'treverhines-rbf==2025.7.4.1')
 
 readonly TEST_DRIVE_URL='https://github.com/fortran-lang/test-drive.git'
 readonly TEST_DRIVE_TAG='v0.5.0'
@@ -112,6 +115,20 @@ install_pinned() {
     "${wanted[@]}" || fail "pip could not install ${wanted[*]}"
 }
 
+# The same with what the packages need themselves.
+install_with_needs() {
+  local environment=$1 package missing=0
+  shift
+  for package in "$@"; do holds "$environment" "$package" || missing=1; done
+  ((missing == 1)) || return 0
+  mapfile -t packages < <(missing_python_packages)
+  install_packages "${packages[@]}"
+  say "installing $* into $environment"
+  [[ -x $environment/bin/python ]] || python3 -m venv "$environment"
+  "$environment/bin/python" -m pip install --quiet --disable-pip-version-check "$@" ||
+    fail "pip could not install $*"
+}
+
 #--- test-drive ----------------------------------------------------------------------------------
 
 # Fetches test-drive; fails where its host cannot be reached within a few seconds.
@@ -168,5 +185,6 @@ case ${1:-build} in
   build) set_up_build ;;
   lint) install_pinned .venv "${LINTERS[@]}" ;;
   vtk) install_pinned .venv-vtk "$VTK" ;;
-  *) fail "unknown task '$1': build, lint or vtk" ;;
+  bench) install_with_needs .venv-bench "${PEERS[@]}" ;;
+  *) fail "unknown task '$1': build, lint, vtk or bench" ;;
 esac

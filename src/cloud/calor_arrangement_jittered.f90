@@ -1,5 +1,6 @@
 !> Particles displaced at random from the nodes of a lattice.
 module calor_arrangement_jittered
+  use calor_constants, only: worth_threads
   use calor_arrangement_lattice, only: arrange_lattice, lattice_intervals
   use calor_cloud, only: cloud_t
   use calor_error, only: error_t
@@ -36,7 +37,8 @@ contains
     if (allocated(error)) return
     reach_x = jitter*(x_range(2) - x_range(1))/lattice_intervals(x_range, spacing)
     reach_y = jitter*(y_range(2) - y_range(1))/lattice_intervals(y_range, spacing)
-    !$omp parallel do default(none) shared(cloud, reach_x, reach_y, seed) schedule(static)
+    !$omp parallel do if (size(cloud%x) > worth_threads) default(none) &
+    !$omp shared(cloud, reach_x, reach_y, seed) schedule(static)
     do particle = 1, size(cloud%x)
       if (cloud%side(particle) /= 0) cycle
       associate (counter => 2_i8*particle)

@@ -1,7 +1,7 @@
 !> The area of a body that each of its particles stands for.
 module calor_cell_area
   use calor_body, only: body_t, edge_t
-  use calor_constants, only: pi
+  use calor_constants, only: pi, worth_threads
   use calor_kinds, only: wp, ip
   use calor_neighbour_list, only: neighbour_list_t, build_neighbour_list
   implicit none (type, external)
@@ -14,6 +14,10 @@ module calor_cell_area
   real(wp), parameter :: half_width = 1.4637_wp
   !> What is nearer to another particle, where that is more than twice as far, is too far away
   real(wp), parameter :: listed = 2*half_width
+  !> Most cells need no particles farther away than that, in spacings …
+  real(wp), parameter :: listed_first = 2.1_wp
+  !> … and few others than such that are nearer than that
+  real(wp), parameter :: near = 1.5_wp
 
   !> A convex polygon with its corners counter-clockwise
   type :: cell_t
@@ -38,26 +42,50 @@ contains
     real(wp), intent(in) :: x(:), y(:)
     !> m²
     real(wp), allocatable, intent(out) :: area(:)
+    integer(ip), allocatable :: rest(:)
+    logical, allocatable :: complete(:)
+    integer :: i
+
+    allocate (area(size(x)), complete(size(x)))
+    rest = [(int(i, ip), i=1, size(x))]
+    call measure_cells(body, spacing, x, y, rest, listed_first*spacing, area, complete)
+    rest = pack(rest, .not. complete)
+    if (size(rest) == 0) return
+    call measure_cells(body, spacing, x, y, rest, listed*spacing, area, complete)
+  end subroutine find_cell_areas
+
+  !> The areas of some cells, among neighbours up to a distance.
+  subroutine measure_cells(body, spacing, x, y, particles, reach, area, complete)
+    type(body_t), intent(in) :: body
+    real(wp), intent(in) :: spacing
+    real(wp), intent(in) :: x(:), y(:)
+    !> Whose cells
+    integer(ip), intent(in) :: particles(:)
+    !> The distance, m
+    real(wp), intent(in) :: reach
+    !> Set where complete
+    real(wp), intent(inout) :: area(:)
+    !> Whether no particle beyond that distance could cut off anything
+    logical, intent(inout) :: complete(:)
     type(neighbour_list_t) :: list
     type(cell_t) :: cell, scratch
     real(wp) :: distance, extent, inward(2)
     integer :: i, k, most
 
-    allocate (area(size(x)))
-    call build_neighbour_list(x, y, listed*spacing, list)
+    call build_neighbour_list(x, y, reach, list, particles)
     most = list%longest_row() + 4
-    !$omp parallel default(shared) &
+    !$omp parallel if (size(particles) > worth_threads) default(shared) &
     !$omp private(cell, scratch, distance, extent, inward, i, k)
     allocate (cell%x(most), cell%y(most), scratch%x(most), scratch%y(most))
     !$omp do schedule(dynamic, 256)
-    do i = 1, size(x)
+    do k = 1, list%rows()
+      i = list%target(k)
       call start_cell(half_width*spacing, cell)
       extent = sqrt(2.0_wp)*half_width*spacing
-      do k = int(list%first(i)), int(list%first(i + 1)) - 1
-        associate (j => list%index(k))
-          call cut([x(j) - x(i), y(j) - y(i)], cell, scratch, extent)
-        end associate
-      end do
+      call cut_by_all(list%index(list%first(k):list%first(k + 1) - 1), i, x, y, &
+                      (near*spacing)**2, cell, scratch, extent)
+      complete(i) = 2*extent <= reach .or. reach >= listed*spacing
+      if (.not. complete(i)) cycle
       call body%find_wall([x(i), y(i)], distance, inward)
       if (distance > extent) then
         area(i) = polygon_area(cell)
@@ -68,7 +96,32 @@ contains
     !$omp end do
     deallocate (cell%x, cell%y, scratch%x, scratch%y)
     !$omp end parallel
-  end subroutine find_cell_areas
+  end subroutine measure_cells
+
+  !> Cut off what is nearer to neighbours: first to near ones, after which few others can reach the
+  !> cell.
+  pure subroutine cut_by_all(neighbours, i, x, y, near_squared, cell, scratch, extent)
+    integer(ip), intent(in) :: neighbours(:)
+    integer, intent(in) :: i
+    real(wp), intent(in) :: x(:), y(:)
+    !> Squared distance of near ones, m²
+    real(wp), intent(in) :: near_squared
+    type(cell_t), intent(inout) :: cell, scratch
+    real(wp), intent(inout) :: extent
+    real(wp) :: other(2), distance_squared
+    integer :: k, time
+
+    do time = 1, 2
+      do k = 1, size(neighbours)
+        other(1) = x(neighbours(k)) - x(i)
+        other(2) = y(neighbours(k)) - y(i)
+        distance_squared = other(1)*other(1) + other(2)*other(2)
+        if ((distance_squared < near_squared) .neqv. time == 1) cycle
+        if (distance_squared >= 4*extent*extent) cycle
+        call cut(other, cell, scratch, extent)
+      end do
+    end do
+  end subroutine cut_by_all
 
   !> A square about the particle, which is the origin of a cell.
   pure subroutine start_cell(half, cell)
@@ -93,7 +146,6 @@ contains
     integer :: k, n, next
 
     bound = 0.5_wp*(other(1)**2 + other(2)**2)
-    if (bound >= extent*sqrt(2*bound)) return
     n = 0
     beyond = cell%x(1)*other(1) + cell%y(1)*other(2) - bound
     do k = 1, cell%corners

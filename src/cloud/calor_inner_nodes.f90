@@ -30,6 +30,9 @@ module calor_inner_nodes
     procedure, private :: kept
   end type grid_t
 
+  !> Fewer columns are not worth starting threads for
+  integer, parameter :: worth_sharing = 50
+
 contains
 
   !> The nodes, displaced, of a grid that are inside a body and no nearer to its walls than the
@@ -53,7 +56,8 @@ contains
 
     ! Once to count the nodes of each column, and once more to put them
     allocate (first(0:grid%columns + 1), source=0)
-    !$omp parallel do schedule(dynamic) default(shared) private(column, row, place, inside)
+    !$omp parallel do if (grid%columns > worth_sharing) schedule(dynamic) default(shared) &
+    !$omp private(column, row, place, inside)
     do column = 0, grid%columns
       do row = 0, grid%rows
         call grid%kept(body, clearance, column, row, place, inside)
@@ -66,7 +70,8 @@ contains
       first(column + 1) = first(column) + first(column + 1)
     end do
     allocate (x(first(grid%columns + 1) - 1), y(first(grid%columns + 1) - 1))
-    !$omp parallel do schedule(dynamic) default(shared) private(column, row, place, inside, k)
+    !$omp parallel do if (grid%columns > worth_sharing) schedule(dynamic) default(shared) &
+    !$omp private(column, row, place, inside, k)
     do column = 0, grid%columns
       k = first(column)
       do row = 0, grid%rows

@@ -1,5 +1,6 @@
 !> Particles that repel each other until they are evenly spread.
 module calor_relaxation
+  use calor_constants, only: worth_threads
   use calor_body, only: body_t
   use calor_kinds, only: wp, ip
   use calor_neighbour_list, only: neighbour_list_t, build_neighbour_list
@@ -62,7 +63,8 @@ contains
       end if
       call find_ways(body, spacing, list, x, y, clearance, way_x, way_y)
       longest = 0
-      !$omp parallel do schedule(static) default(shared) private(k) reduction(max: longest)
+      !$omp parallel do if (size(free) > worth_threads) schedule(static) default(shared) &
+      !$omp private(k) reduction(max: longest)
       do k = 1, size(free)
         x(free(k)) = x(free(k)) + way_x(k)
         y(free(k)) = y(free(k)) + way_y(k)
@@ -86,7 +88,7 @@ contains
     real(wp) :: distance, inward(2), way(2), norm
     integer :: k
 
-    !$omp parallel do schedule(static) default(shared) &
+    !$omp parallel do if (list%rows() > worth_threads) schedule(static) default(shared) &
     !$omp private(k, distance, inward, way, norm)
     do k = 1, list%rows()
       associate (i => list%target(k))

@@ -1,5 +1,6 @@
 !> Particle volumes from how densely particles lie.
 module calor_volume
+  use calor_constants, only: worth_threads
   use calor_cloud, only: cloud_t
   use calor_kernel, only: kernel_t
   use calor_kinds, only: wp, i8
@@ -30,7 +31,8 @@ contains
     call build_neighbour_list(cloud%x, cloud%y, support_radius, list)
     if (.not. allocated(cloud%volume)) allocate (cloud%volume(cloud%particles()))
     longest = list%longest_row() + 1
-    !$omp parallel default(none) private(q, f, df, ddf, i, k, begin, number) &
+    !$omp parallel if (list%rows() > worth_threads) default(none) &
+    !$omp private(q, f, df, ddf, i, k, begin, number) &
     !$omp shared(cloud, kernel, support_radius, list, longest)
     allocate (q(longest), f(longest), df(longest), ddf(longest))
     !$omp do schedule(static)

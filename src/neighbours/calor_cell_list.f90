@@ -7,6 +7,7 @@
 !> each row begins at a pseudo-random bucket. Time and memory are therefore O(N) for every cloud;
 !> what is found in a bucket may lie in another cell and has to be checked by its distance.
 module calor_cell_list
+  use calor_constants, only: worth_threads
   use calor_kinds, only: wp, ip, i8
   implicit none (type, external)
   private
@@ -86,7 +87,8 @@ contains
     end if
 
     allocate (bucket_of(particles))
-    !$omp parallel do default(none) shared(particles, x, y, cells, bucket_of) schedule(static)
+    !$omp parallel do if (particles > worth_threads) default(none) schedule(static) &
+    !$omp shared(particles, x, y, cells, bucket_of)
     do i = 1, particles
       bucket_of(i) = cells%bucket(cells%column(x(i)), cells%row(y(i)))
     end do
@@ -95,7 +97,8 @@ contains
     call counting_sort(bucket_of, cells%buckets, cells%first, cells%particle)
 
     allocate (cells%x(particles), cells%y(particles))
-    !$omp parallel do default(none) shared(particles, x, y, cells) schedule(static)
+    !$omp parallel do if (particles > worth_threads) default(none) schedule(static) &
+    !$omp shared(particles, x, y, cells)
     do i = 1, particles
       cells%x(i) = x(cells%particle(i))
       cells%y(i) = y(cells%particle(i))
@@ -219,7 +222,7 @@ contains
 
     lowest = coordinate(1)
     highest = coordinate(1)
-    !$omp parallel do default(none) shared(coordinate) &
+    !$omp parallel do if (size(coordinate) > worth_threads) default(none) shared(coordinate) &
     !$omp reduction(min: lowest) reduction(max: highest) schedule(static)
     do i = 1, size(coordinate)
       lowest = min(lowest, coordinate(i))

@@ -1,6 +1,7 @@
 !> Particles that lie at the same place.
 module calor_coincident
   use calor_cell_list, only: cell_list_t, build_cell_list
+  use calor_constants, only: worth_threads
   use calor_kinds, only: wp, ip, i8
   implicit none (type, external)
   private
@@ -21,17 +22,25 @@ contains
     real(wp), intent(in), optional :: tolerance
     type(cell_list_t) :: cells
     real(wp) :: reach
+    integer(ip) :: lowest, particle, partner
 
     first = 0
     second = 0
     reach = 0
     if (present(tolerance)) reach = tolerance
     call build_cells(x, y, reach, cells)
-    do first = 1, size(x, kind=ip) - 1
-      call find_partner(cells, first, x(first), y(first), reach, second)
-      if (second > 0) return
+    lowest = size(x, kind=ip)
+    !$omp parallel do if (size(x) > worth_threads) schedule(static) default(shared) &
+    !$omp private(particle, partner) reduction(min: lowest)
+    do particle = 1, size(x, kind=ip) - 1
+      if (particle > lowest) cycle
+      call find_partner(cells, particle, x(particle), y(particle), reach, partner)
+      if (partner > 0) lowest = min(lowest, particle)
     end do
-    first = 0
+    !$omp end parallel do
+    if (lowest == size(x)) return
+    first = lowest
+    call find_partner(cells, first, x(first), y(first), reach, second)
   end subroutine find_coincident
 
   !> Sort particles into cells so small that none holds many particles at different places.

@@ -103,7 +103,8 @@ contains
     list%first(rows + 1) = place
     allocate (list%index(place - 1))
     call prefer_huge_pages(list%index)
-    !$omp parallel do default(none) shared(chunks, chunks_done, list) schedule(dynamic)
+    !$omp parallel do if (chunks_done > 1) default(none) shared(chunks, chunks_done, list) &
+    !$omp schedule(dynamic)
     do chunk = 1, chunks_done
       call put_in_place(chunks(chunk), list%first, list%index)
     end do
@@ -238,7 +239,7 @@ contains
     integer :: chunk, chunks_new, from, to
 
     chunks_new = (size(row) + chunk_rows - 1)/chunk_rows
-    !$omp parallel do default(none) private(from, to) schedule(dynamic) &
+    !$omp parallel do if (chunks_new > 1) default(none) private(from, to) schedule(dynamic) &
     !$omp shared(chunks_new, chunks_done, chunk_rows, chunks, cells, x, y, radius, target) &
     !$omp shared(first, row, length)
     do chunk = 1, chunks_new

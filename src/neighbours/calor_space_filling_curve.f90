@@ -1,5 +1,6 @@
 !> An order of particles in which neighbours in the plane are near each other in memory.
 module calor_space_filling_curve
+  use calor_constants, only: worth_threads
   use calor_kinds, only: wp, ip, i8
   implicit none (type, external)
   private
@@ -12,6 +13,8 @@ module calor_space_filling_curve
   integer, parameter :: digit_bits = 12
   integer, parameter :: passes = 2*levels/digit_bits
   integer, parameter :: last_digit = 2**digit_bits - 1
+  !> The sort is shared out in so many blocks at most, none of them shorter than that
+  integer, parameter :: most_blocks = 16, least_block = 16384
 
 contains
 
@@ -43,7 +46,8 @@ contains
     ! Squares so small that even the highest coordinates lie below 2³⁰ of them
     per_length = (2.0_wp**levels - 1)/max(extent, 1.0e-290_wp)
 
-    !$omp parallel do default(none) shared(x, y, key, x_low, y_low, per_length) schedule(static)
+    !$omp parallel do if (size(x) > worth_threads) default(none) schedule(static) &
+    !$omp shared(x, y, key, x_low, y_low, per_length)
     do i = 1, size(x)
       key(i) = hilbert_key(int((x(i) - x_low)*per_length, i8), int((y(i) - y_low)*per_length, i8))
     end do
@@ -83,44 +87,73 @@ contains
   end function hilbert_key
 
   !> Sort by keys below 2^(2 levels), keeping the order of equal ones.
-  pure subroutine radix_sort(key, order)
+  subroutine radix_sort(key, order)
     !> Keys; sorted afterwards
     integer(i8), allocatable, intent(inout) :: key(:)
     !> What is sorted along
     integer(ip), allocatable, intent(inout) :: order(:)
     integer(i8), allocatable :: key_sorted(:)
     integer(ip), allocatable :: order_sorted(:)
-    integer(ip) :: before, count, digit, i, pass, next(0:last_digit)
+    integer(ip), allocatable :: next(:, :)
+    integer(ip) :: before, count, digit, i, from, to, items
+    integer :: block, blocks, pass
 
-    allocate (key_sorted(size(key)), order_sorted(size(order)))
+    ! Blocks one after another keep the order of equal keys, however many threads share them.
+    items = size(key, kind=ip)
+    blocks = min(most_blocks, 1 + items/least_block)
+    allocate (key_sorted(items), order_sorted(items), next(0:last_digit, blocks))
     do pass = 0, passes - 1
-      next = 0
-      do i = 1, size(key, kind=ip)
-        digit = digit_of(key(i), pass)
-        next(digit) = next(digit) + 1
+      !$omp parallel do if (blocks > 1) schedule(static) default(shared) &
+      !$omp private(block, from, to, i, digit)
+      do block = 1, blocks
+        call bounds_of(block, blocks, items, from, to)
+        next(:, block) = 0
+        do i = from, to
+          digit = digit_of(key(i), pass)
+          next(digit, block) = next(digit, block) + 1
+        end do
       end do
-      if (maxval(next) == size(key)) cycle
+      !$omp end parallel do
+      if (any(sum(next, dim=2) == items)) cycle
       before = 1
       do digit = 0, last_digit
-        count = next(digit)
-        next(digit) = before
-        before = before + count
+        do block = 1, blocks
+          count = next(digit, block)
+          next(digit, block) = before
+          before = before + count
+        end do
       end do
-      do i = 1, size(key, kind=ip)
-        digit = digit_of(key(i), pass)
-        key_sorted(next(digit)) = key(i)
-        order_sorted(next(digit)) = order(i)
-        next(digit) = next(digit) + 1
+      !$omp parallel do if (blocks > 1) schedule(static) default(shared) &
+      !$omp private(block, from, to, i, digit)
+      do block = 1, blocks
+        call bounds_of(block, blocks, items, from, to)
+        do i = from, to
+          digit = digit_of(key(i), pass)
+          key_sorted(next(digit, block)) = key(i)
+          order_sorted(next(digit, block)) = order(i)
+          next(digit, block) = next(digit, block) + 1
+        end do
       end do
+      !$omp end parallel do
       call exchange(key, key_sorted, order, order_sorted)
     end do
   end subroutine radix_sort
+
+  !> The first and last item of a block.
+  pure subroutine bounds_of(block, blocks, items, from, to)
+    integer, intent(in) :: block, blocks
+    integer(ip), intent(in) :: items
+    integer(ip), intent(out) :: from, to
+
+    from = int(1 + (block - 1)*int(items, i8)/blocks, ip)
+    to = int(block*int(items, i8)/blocks, ip)
+  end subroutine bounds_of
 
   !> One digit of a key.
   elemental function digit_of(key, pass) result(digit)
     integer(i8), intent(in) :: key
     !> Which digit, counted from 0 at the low end
-    integer(ip), intent(in) :: pass
+    integer, intent(in) :: pass
     integer(ip) :: digit
 
     digit = int(iand(ishft(key, -digit_bits*pass), int(last_digit, i8)), ip)

@@ -90,6 +90,9 @@ module calor_flow_rows
   !> As in calor_taylor_weights
   real(wp), parameter :: nearest = 0.5_wp, cheap = 1.0e3_wp
 
+  !> So few rows are assembled sooner by one thread than others could be woken
+  integer, parameter :: worth_sharing = 64
+
 contains
 
   !> Assemble rows.
@@ -153,7 +156,8 @@ contains
         call build_neighbour_list(x, y, radius(particles(pending)), list, particles(pending))
         call trial%shape_as(list)
         allocate (good(size(pending)), large(size(pending)))
-        !$omp parallel default(shared) private(k, b, ratio, stiffness) firstprivate(stencil)
+        !$omp parallel if (size(pending) > worth_sharing) default(shared) &
+        !$omp private(k, b, ratio, stiffness) firstprivate(stencil)
         call stencil%reserve(list%longest_row())
         !$omp do schedule(dynamic, 8)
         do k = 1, size(pending)
@@ -193,7 +197,8 @@ contains
                   quality%neighbours(n))
       end associate
       allocate (rows%slope_weight(size(normal, 2)), source=0.0_wp)
-      !$omp parallel default(shared) private(k, b, ratio, stiffness) firstprivate(stencil)
+      !$omp parallel if (size(particles) > worth_sharing) default(shared) &
+      !$omp private(k, b, ratio, stiffness) firstprivate(stencil)
       call stencil%reserve(list%longest_row())
       !$omp do schedule(dynamic, 8)
       do k = 1, size(particles)

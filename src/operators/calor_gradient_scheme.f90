@@ -69,7 +69,8 @@ contains
     call gradient_x%shape_as(list)
     call gradient_y%shape_as(list)
     call found%reserve(list%rows())
-    !$omp parallel default(shared) private(row, from, to, diagonal) firstprivate(stencil)
+    !$omp parallel if (list%rows() > 256) default(shared) private(row, from, to, diagonal) &
+    !$omp firstprivate(stencil)
     call stencil%reserve(list%longest_row())
     !$omp do schedule(static)
     do row = 1, list%rows()

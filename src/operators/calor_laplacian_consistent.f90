@@ -10,7 +10,9 @@
 module calor_laplacian_consistent
   use calor_kinds, only: wp
   use calor_laplacian_scheme, only: row_laplacian_t, row_rule_t
+  use calor_row_batch, only: row_batch_t
   use calor_stencil, only: stencil_t
+  use calor_taylor_batch, only: batch_taylor_weights
   use calor_taylor_weights, only: taylor_weights, monomials, monomial_position, default_order
   implicit none (type, external)
   private
@@ -24,6 +26,8 @@ module calor_laplacian_consistent
     procedure :: weights
     procedure :: exact_degree
     procedure :: rule
+    procedure :: solves_batches
+    procedure :: batch_weights
   end type consistent_t
 
 contains
@@ -71,5 +75,25 @@ contains
     weight = found(:, 1)
     diagonal = -sum(weight)
   end subroutine weights
+
+  pure function solves_batches(this) result(answer)
+    class(consistent_t), intent(in) :: this
+    logical :: answer
+
+    associate (unused => this)
+    end associate
+    answer = .true.
+  end function solves_batches
+
+  subroutine batch_weights(this, batch)
+    class(consistent_t), intent(in) :: this
+    type(row_batch_t), intent(inout) :: batch
+    real(wp) :: wanted(monomials(this%order + 1))
+
+    wanted = 0
+    wanted(monomial_position(2, 0)) = 2
+    wanted(monomial_position(0, 2)) = 2
+    call batch_taylor_weights(batch, this%exact_degree(), wanted)
+  end subroutine batch_weights
 
 end module calor_laplacian_consistent

@@ -3,6 +3,7 @@ module calor_laplacian_scheme
   use calor_kernel, only: kernel_t
   use calor_kinds, only: wp, i8
   use calor_neighbour_list, only: neighbour_list_t
+  use calor_row_batch, only: row_batch_t, lanes
   use calor_row_report, only: row_report_t
   use calor_sparse_operator, only: sparse_operator_t
   use calor_stencil, only: stencil_t
@@ -41,8 +42,15 @@ module calor_laplacian_scheme
   contains
     !> The weights of one particle's stencil
     procedure(laplacian_weights), deferred :: weights
+    !> Whether it can also find the weights of several stencils at once
+    procedure :: solves_batches
+    !> The weights of several stencils, those of them that it vouches for
+    procedure :: batch_weights
     procedure :: assemble => assemble_rows
   end type row_laplacian_t
+
+  !> So few rows are assembled sooner by one thread than others could be woken
+  integer, parameter :: worth_assembling = 256
 
   abstract interface
     subroutine assemble_interface(this, kernel, x, y, volume, radius, list, laplacian, report)
@@ -95,6 +103,25 @@ contains
     rule = row_rule_t()
   end function rule
 
+  pure function solves_batches(this) result(answer)
+    class(row_laplacian_t), intent(in) :: this
+    logical :: answer
+
+    associate (unused => this)
+    end associate
+    answer = .false.
+  end function solves_batches
+
+  subroutine batch_weights(this, batch)
+    class(row_laplacian_t), intent(in) :: this
+    !> Some stencils; their weights, and what is known of them, are set
+    type(row_batch_t), intent(inout) :: batch
+
+    associate (unused => this)
+    end associate
+    batch%solved = .false.
+  end subroutine batch_weights
+
   subroutine assemble_rows(this, kernel, x, y, volume, radius, list, laplacian, report)
     class(row_laplacian_t), intent(in) :: this
     class(kernel_t), intent(in) :: kernel
@@ -103,30 +130,84 @@ contains
     type(sparse_operator_t), intent(out) :: laplacian
     type(row_report_t), intent(out), optional :: report
     type(row_report_t) :: found
+    type(row_batch_t) :: batch
     type(stencil_t) :: stencil
-    real(wp) :: scale
-    integer(i8) :: from, to
-    integer :: row
+    logical :: batches
+    integer :: first_row, last_row, most, row
 
     call laplacian%shape_as(list)
     call found%reserve(list%rows())
-    !$omp parallel default(shared) private(row, from, to, scale) firstprivate(stencil)
-    call stencil%reserve(list%longest_row())
-    !$omp do schedule(static)
-    do row = 1, list%rows()
-      from = list%first(row)
-      to = list%first(row + 1) - 1
-      scale = 1/radius(list%target(row))
-      call stencil%gather(kernel, x, y, volume, list%target(row), list%index(from:to), &
-                          radius(list%target(row)))
-      call this%weights(stencil, laplacian%weight(from:to), laplacian%diagonal(row))
-      laplacian%weight(from:to) = (laplacian%weight(from:to)*scale)*scale
-      laplacian%diagonal(row) = (laplacian%diagonal(row)*scale)*scale
-      call found%note(row, stencil)
+    batches = this%solves_batches()
+    most = list%longest_row()
+    !$omp parallel if (list%rows() > worth_assembling) default(shared) &
+    !$omp private(first_row, last_row, row) firstprivate(batch, stencil)
+    call stencil%reserve(most)
+    if (batches) call batch%reserve(most)
+    !$omp do schedule(dynamic, 16)
+    do first_row = 1, list%rows(), lanes
+      last_row = min(first_row + lanes - 1, list%rows())
+      if (batches) then
+        call batch%gather(kernel, x, y, volume, radius, list, first_row, last_row)
+        call this%batch_weights(batch)
+      end if
+      do row = first_row, last_row
+        if (batch%solved(row - first_row + 1)) then
+          call take_from_batch(batch, row - first_row + 1, row, radius, laplacian, found)
+        else
+          call assemble_row(this, kernel, x, y, volume, radius, row, stencil, laplacian, found)
+        end if
+      end do
     end do
     !$omp end do
     !$omp end parallel
-    if (present(report)) report = found
+    if (present(report)) call found%move_to(report)
   end subroutine assemble_rows
+
+  !> One row by itself.
+  subroutine assemble_row(scheme, kernel, x, y, volume, radius, row, stencil, laplacian, report)
+    class(row_laplacian_t), intent(in) :: scheme
+    class(kernel_t), intent(in) :: kernel
+    real(wp), intent(in) :: x(:), y(:), volume(:), radius(:)
+    integer, intent(in) :: row
+    !> Workspace
+    type(stencil_t), intent(inout) :: stencil
+    !> With targets and neighbours in place
+    type(sparse_operator_t), intent(inout) :: laplacian
+    type(row_report_t), intent(inout) :: report
+    real(wp) :: scale
+    integer(i8) :: from, to
+
+    from = laplacian%first(row)
+    to = laplacian%first(row + 1) - 1
+    scale = 1/radius(laplacian%target(row))
+    call stencil%gather(kernel, x, y, volume, laplacian%target(row), laplacian%index(from:to), &
+                        radius(laplacian%target(row)))
+    call scheme%weights(stencil, laplacian%weight(from:to), laplacian%diagonal(row))
+    laplacian%weight(from:to) = (laplacian%weight(from:to)*scale)*scale
+    laplacian%diagonal(row) = (laplacian%diagonal(row)*scale)*scale
+    call report%note(row, stencil)
+  end subroutine assemble_row
+
+  !> One row from the lane of a batch.
+  pure subroutine take_from_batch(batch, lane, row, radius, laplacian, report)
+    type(row_batch_t), intent(in) :: batch
+    integer, intent(in) :: lane, row
+    real(wp), intent(in) :: radius(:)
+    type(sparse_operator_t), intent(inout) :: laplacian
+    type(row_report_t), intent(inout) :: report
+    real(wp) :: scale
+    integer(i8) :: before
+    integer :: k
+
+    before = laplacian%first(row) - 1
+    scale = 1/radius(laplacian%target(row))
+    do k = 1, batch%length(lane)
+      laplacian%weight(before + k) = (batch%weight(lane + lanes*(k - 1))*scale)*scale
+    end do
+    laplacian%diagonal(row) = (batch%diagonal(lane)*scale)*scale
+    report%condition_gradient(row) = batch%condition_gradient(lane)
+    report%condition_laplacian(row) = batch%condition_laplacian(lane)
+    report%residual(row) = batch%residual(lane)
+  end subroutine take_from_batch
 
 end module calor_laplacian_scheme

@@ -4,7 +4,7 @@
 !> so that the row obeys the maximum principle; rows far above 1 make the heat equation unstable. It
 !> speaks only for rows that are consistent, so their moments are measured beside it.
 module calor_row_quality
-  use calor_constants, only: pi
+  use calor_constants, only: pi, worth_threads
   use calor_kinds, only: wp, i8
   use calor_sparse_operator, only: sparse_operator_t
   implicit none (type, external)
@@ -58,7 +58,7 @@ contains
 
     allocate (quality%ratio(laplacian%rows()), quality%residual(laplacian%rows()))
     allocate (quality%neighbours(laplacian%rows()), quality%stiffness(laplacian%rows()))
-    !$omp parallel do schedule(static) default(shared) &
+    !$omp parallel do if (laplacian%rows() > worth_threads) schedule(static) default(shared) &
     !$omp private(row, k, i, j, h, moment, total, weight, dx, dy)
     do row = 1, laplacian%rows()
       i = laplacian%target(row)

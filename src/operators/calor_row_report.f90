@@ -21,6 +21,8 @@ module calor_row_report
     procedure :: note
     !> Add the entries of other rows after its own
     procedure :: append
+    !> Hand all entries over, keeping none
+    procedure :: move_to
     !> Number of rows whose tensors were singular, so that the minimum-norm solution was taken
     procedure :: singular_rows
   end type row_report_t
@@ -58,6 +60,16 @@ contains
     this%condition_laplacian = [this%condition_laplacian, other%condition_laplacian]
     this%residual = [this%residual, other%residual]
   end subroutine append
+
+  subroutine move_to(this, other)
+    class(row_report_t), intent(inout) :: this
+    !> Where they go
+    type(row_report_t), intent(out) :: other
+
+    call move_alloc(this%condition_gradient, other%condition_gradient)
+    call move_alloc(this%condition_laplacian, other%condition_laplacian)
+    call move_alloc(this%residual, other%residual)
+  end subroutine move_to
 
   pure function singular_rows(this) result(number)
     class(row_report_t), intent(in) :: this

@@ -1,6 +1,7 @@
 !> The sparse operator that every derivative scheme becomes.
 module calor_sparse_operator
   use calor_constants, only: worth_threads
+  use calor_huge_pages, only: prefer_huge_pages
   use calor_kinds, only: wp, ip, i8
   use calor_neighbour_list, only: neighbour_list_t
   implicit none (type, external)
@@ -26,10 +27,12 @@ module calor_sparse_operator
     procedure :: rows
     !> Memory that the operator takes, bytes
     procedure :: bytes
-    !> Take the rows and neighbours of a neighbour list, all weights still undefined
+    !> Take the rows and neighbours of a neighbour list, all weights 0
     procedure :: shape_as
     !> Add the rows of another operator after its own
     procedure :: append
+    !> Hand all rows over, keeping none
+    procedure :: move_to
     !> The derivative of a field at the targets
     procedure :: apply
     !> The same times a factor, laid down at the places of the target particles
@@ -65,12 +68,42 @@ contains
     !> Whose rows and neighbours to take
     type(neighbour_list_t), intent(in) :: list
 
-    this%target = list%target
-    this%first = list%first
-    this%index = list%index
-    allocate (this%weight(size(list%index)))
-    allocate (this%diagonal(list%rows()))
+    integer(i8) :: k
+    integer :: row
+
+    associate (rows => list%rows())
+      allocate (this%target(rows), this%first(rows + 1), this%diagonal(rows))
+    end associate
+    allocate (this%index(size(list%index, kind=i8)), this%weight(size(list%index, kind=i8)))
+    call prefer_huge_pages(this%index)
+    call prefer_huge_pages(this%weight)
+    this%first(size(this%first)) = list%first(size(this%first))
+    ! Every thread is the first to touch what it will work on
+    !$omp parallel do if (list%rows() > worth_threads) schedule(static) default(shared) &
+    !$omp private(row, k)
+    do row = 1, size(this%target)
+      this%target(row) = list%target(row)
+      this%first(row) = list%first(row)
+      this%diagonal(row) = 0
+      do k = list%first(row), list%first(row + 1) - 1
+        this%index(k) = list%index(k)
+        this%weight(k) = 0
+      end do
+    end do
+    !$omp end parallel do
   end subroutine shape_as
+
+  subroutine move_to(this, other)
+    class(sparse_operator_t), intent(inout) :: this
+    !> Where they go
+    type(sparse_operator_t), intent(out) :: other
+
+    call move_alloc(this%target, other%target)
+    call move_alloc(this%first, other%first)
+    call move_alloc(this%index, other%index)
+    call move_alloc(this%weight, other%weight)
+    call move_alloc(this%diagonal, other%diagonal)
+  end subroutine move_to
 
   subroutine append(this, other)
     class(sparse_operator_t), intent(inout) :: this

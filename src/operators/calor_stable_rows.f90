@@ -8,12 +8,14 @@
 !> quadratic ones: stable, but reported. Such a row on neighbours that are far too near, as those of
 !> a particle that nearly touches a wall, is slowed down to what a row may cost.
 module calor_stable_rows
+  use calor_constants, only: worth_threads
   use calor_kernel, only: kernel_t
   use calor_kinds, only: wp, ip, i8
   use calor_laplacian_positive, only: positive_t
   use calor_laplacian_scheme, only: laplacian_scheme_t, row_rule_t
   use calor_neighbour_list, only: neighbour_list_t, build_neighbour_list
   use calor_row_quality, only: row_quality_t, measure_rows
+  use calor_row_collection, only: row_collection_t
   use calor_row_report, only: row_report_t
   use calor_sparse_operator, only: sparse_operator_t
   implicit none (type, external)
@@ -70,12 +72,13 @@ contains
     type(row_repairs_t), intent(out) :: repairs
     type(neighbour_list_t) :: list
     type(row_quality_t) :: quality
+    type(row_collection_t) :: collection
     type(positive_t) :: positive
     type(row_rule_t), parameter :: usual = row_rule_t()
     type(row_rule_t) :: rule, replaced
     real(wp), allocatable :: first_radius(:)
     logical, allocatable :: poor(:)
-    integer(ip), allocatable :: failed(:)
+    integer(ip), allocatable :: failed(:), replaced_rows(:)
     integer :: k
 
     allocate (repairs%repair(size(targets)), source=as_written)
@@ -102,35 +105,38 @@ contains
     end if
     first_radius = radius(targets)
     failed = pack([(int(k, ip), k=1, size(targets))], poor)
+    call collection%start(size(targets))
+    call collection%take([(int(k, ip), k=1, size(targets))], laplacian, report)
     repairs%repair(failed) = support_grown
-    call grow(scheme, kernel, x, y, volume, radius, targets, 0, largest_residual, failed)
+    call grow(scheme, kernel, x, y, volume, radius, targets, 0, largest_residual, failed, &
+              collection)
     if (rule%largest_stiffness < usual%largest_stiffness) then
       ! Short steps at a few particles rather than a row of another scheme
       radius(targets(failed)) = first_radius(failed)/rule%growth
       call grow(scheme, kernel, x, y, volume, radius, targets, 0, largest_residual, failed, &
-                allowed_stiffness=usual%largest_stiffness)
+                collection, allowed_stiffness=usual%largest_stiffness)
     end if
+    replaced_rows = failed
     repairs%repair(failed) = positive_stencil
     radius(targets(failed)) = first_radius(failed)/replaced%growth
-    call grow(positive, kernel, x, y, volume, radius, targets, 0, largest_residual, failed)
+    call grow(positive, kernel, x, y, volume, radius, targets, 0, largest_residual, failed, &
+              collection)
     radius(targets(failed)) = first_radius(failed)/replaced%growth
     call grow(positive, kernel, x, y, volume, radius, targets, 0, largest_residual, failed, &
-              allowed_stiffness=most_stiffness)
+              collection, allowed_stiffness=most_stiffness)
     repairs%repair(failed) = inexact_stencil
     radius(targets(failed)) = first_radius(failed)/replaced%growth
     call grow(positive_t(relaxed=.true.), kernel, x, y, volume, radius, targets, &
-              enough_neighbours, huge(1.0_wp), failed)
+              enough_neighbours, huge(1.0_wp), failed, collection)
     radius(targets(failed)) = first_radius(failed)/replaced%growth
     call grow(positive_t(relaxed=.true.), kernel, x, y, volume, radius, targets, &
-              enough_neighbours, huge(1.0_wp), failed, allowed_stiffness=huge(1.0_wp))
+              enough_neighbours, huge(1.0_wp), failed, collection, &
+              allowed_stiffness=huge(1.0_wp))
     repairs%repair(failed) = no_stencil
     radius(targets(failed)) = first_radius(failed)
-    call build_neighbour_list(x, y, radius(targets), list, targets)
-    call scheme%assemble(kernel, x, y, volume, radius, list, laplacian, report)
-    call replace_rows(positive, kernel, x, y, volume, radius, &
-                      repairs%repair == positive_stencil, laplacian)
-    call replace_rows(positive_t(relaxed=.true.), kernel, x, y, volume, radius, &
-                      repairs%repair == inexact_stencil, laplacian)
+    call assemble_again(scheme, kernel, x, y, volume, radius, targets, failed, collection)
+    call collection%merge_into(laplacian, report)
+    call report_as_written(scheme, kernel, x, y, volume, radius, targets, replaced_rows, report)
     do k = 1, size(targets)
       if (repairs%repair(k) == no_stencil) call scale_row(laplacian, k, 0.0_wp)
     end do
@@ -173,7 +179,7 @@ contains
     list = first_list
     do time = 0, most_times
       allocate (alone(list%rows()))
-      !$omp parallel do schedule(static) default(shared) private(k)
+      !$omp parallel do if (list%rows() > worth_threads) schedule(static) default(shared) private(k)
       do k = 1, list%rows()
         associate (neighbour => list%index(list%first(k):list%first(k + 1) - 1), &
                    i => list%target(k))
@@ -226,7 +232,7 @@ contains
 
   !> Grow the supports of some rows until they are good.
   subroutine grow(scheme, kernel, x, y, volume, radius, targets, fewest, allowed_residual, rows, &
-                  allowed_stiffness)
+                  collection, allowed_stiffness)
     class(laplacian_scheme_t), intent(in) :: scheme
     class(kernel_t), intent(in) :: kernel
     real(wp), intent(in) :: x(:), y(:), volume(:)
@@ -238,6 +244,8 @@ contains
     real(wp), intent(in) :: allowed_residual
     !> The poor rows, as positions in `targets`; in the end those that could not be made good
     integer(ip), allocatable, intent(inout) :: rows(:)
+    !> Takes every row found
+    type(row_collection_t), intent(inout) :: collection
     !> … and be so stiff, if that is not the usual bound
     real(wp), intent(in), optional :: allowed_stiffness
     type(neighbour_list_t) :: list
@@ -267,6 +275,7 @@ contains
                      allowed_residual, stiffness) .or. &
              report%residual > largest_moment_residual .or. &
              neighbours < min(fewest, size(x) - 1)
+      call collection%take(rows, laplacian, report)
       rows = pack(rows, poor)
       neighbours = pack(neighbours, poor)
       failed = [failed, pack(rows, neighbours >= min(rule%most_neighbours, size(x) - 1))]
@@ -275,29 +284,46 @@ contains
     rows = [failed, rows]
   end subroutine grow
 
-  !> Put stencils of non-negative weights into the place of some rows.
-  subroutine replace_rows(positive, kernel, x, y, volume, radius, chosen, laplacian)
-    type(positive_t), intent(in) :: positive
+  !> Rows of a scheme with the supports that they have now.
+  subroutine assemble_again(scheme, kernel, x, y, volume, radius, targets, rows, collection)
+    class(laplacian_scheme_t), intent(in) :: scheme
     class(kernel_t), intent(in) :: kernel
     real(wp), intent(in) :: x(:), y(:), volume(:), radius(:)
-    !> Which rows
-    logical, intent(in) :: chosen(:)
-    type(sparse_operator_t), intent(inout) :: laplacian
+    integer(ip), intent(in) :: targets(:)
+    !> The rows, as positions in `targets`
+    integer(ip), intent(in) :: rows(:)
+    !> Takes them
+    type(row_collection_t), intent(inout) :: collection
     type(neighbour_list_t) :: list
-    type(sparse_operator_t) :: rows
-    integer(ip), allocatable :: place(:)
-    integer :: k
+    type(sparse_operator_t) :: laplacian
+    type(row_report_t) :: report
 
-    place = pack([(int(k, ip), k=1, size(chosen))], chosen)
-    if (size(place) == 0) return
-    call build_neighbour_list(x, y, radius(laplacian%target(place)), list, laplacian%target(place))
-    call positive%assemble(kernel, x, y, volume, radius, list, rows)
-    ! Both lists were built with the same radii: the rows have the same neighbours.
-    do k = 1, size(place)
-      laplacian%weight(laplacian%first(place(k)):laplacian%first(place(k) + 1) - 1) = &
-        rows%weight(rows%first(k):rows%first(k + 1) - 1)
-      laplacian%diagonal(place(k)) = rows%diagonal(k)
-    end do
-  end subroutine replace_rows
+    if (size(rows) == 0) return
+    call build_neighbour_list(x, y, radius(targets(rows)), list, targets(rows))
+    call scheme%assemble(kernel, x, y, volume, radius, list, laplacian, report)
+    call collection%take(rows, laplacian, report)
+  end subroutine assemble_again
+
+  !> Of rows that became other stencils, what the scheme itself had to say about them.
+  subroutine report_as_written(scheme, kernel, x, y, volume, radius, targets, rows, report)
+    class(laplacian_scheme_t), intent(in) :: scheme
+    class(kernel_t), intent(in) :: kernel
+    real(wp), intent(in) :: x(:), y(:), volume(:), radius(:)
+    integer(ip), intent(in) :: targets(:)
+    !> The rows, as positions in `targets`
+    integer(ip), intent(in) :: rows(:)
+    !> Their entries are set
+    type(row_report_t), intent(inout) :: report
+    type(neighbour_list_t) :: list
+    type(sparse_operator_t) :: laplacian
+    type(row_report_t) :: found
+
+    if (size(rows) == 0) return
+    call build_neighbour_list(x, y, radius(targets(rows)), list, targets(rows))
+    call scheme%assemble(kernel, x, y, volume, radius, list, laplacian, found)
+    report%condition_gradient(rows) = found%condition_gradient
+    report%condition_laplacian(rows) = found%condition_laplacian
+    report%residual(rows) = found%residual
+  end subroutine report_as_written
 
 end module calor_stable_rows

@@ -10,6 +10,7 @@ module calor_sufficient_rows
   use calor_kinds, only: wp, ip
   use calor_laplacian_scheme, only: laplacian_scheme_t
   use calor_neighbour_list, only: neighbour_list_t, build_neighbour_list
+  use calor_row_collection, only: row_collection_t
   use calor_row_report, only: row_report_t
   use calor_sparse_operator, only: sparse_operator_t
   implicit none (type, external)
@@ -85,22 +86,25 @@ contains
     !> As above
     type(row_report_t), intent(out) :: report
     type(neighbour_list_t) :: list
+    type(row_collection_t) :: collection
     integer(ip), allocatable :: rows(:), candidates(:)
+    logical, allocatable :: unfinished(:)
     integer :: time
 
     rows = all_of(targets)
+    call collection%start(size(targets))
     do time = 0, most_times
       candidates = targets(rows)
       call build_neighbour_list(x, y, radius(candidates), list, candidates)
       call scheme%assemble(kernel, x, y, volume, radius, list, laplacian, report)
-      rows = pack(rows, can_grow(list, size(x)) .and. &
-                  poor(laplacian, radius, 2, largest_laplacian, report))
-      if (size(rows) == 0) exit
+      unfinished = can_grow(list, size(x)) .and. &
+                   poor(laplacian, radius, 2, largest_laplacian, report)
+      call collection%take(rows, laplacian, report)
+      rows = pack(rows, unfinished)
+      if (size(rows) == 0 .or. time == most_times) exit
       radius(targets(rows)) = growth*radius(targets(rows))
     end do
-    if (time == 0) return
-    call build_neighbour_list(x, y, radius(targets), list, targets)
-    call scheme%assemble(kernel, x, y, volume, radius, list, laplacian, report)
+    call collection%merge_into(laplacian, report)
   end subroutine assemble_sufficient_laplacian
 
   pure function all_of(targets) result(rows)

@@ -19,6 +19,7 @@ module calor_taylor_weights
   private
 
   public :: taylor_weights, monomials, monomial_position, highest_order, default_order
+  public :: highest_degree, most, nearest
 
   !> The highest order of a scheme
   integer, parameter :: highest_order = 10

@@ -51,6 +51,9 @@ module calor_wall_rows
   !> No wall particle has more normals
   integer, parameter :: most_normals = 8
 
+  !> So few rows are assembled sooner by one thread than others could be woken
+  integer, parameter :: worth_sharing = 64
+
 contains
 
   !> Assemble rows at particles on walls.
@@ -105,7 +108,8 @@ contains
         call build_neighbour_list(x, y, radius(particles(pending)), list, particles(pending))
         call trial%shape_as(list)
         allocate (good(size(pending)), large(size(pending)))
-        !$omp parallel default(shared) private(k, b, ratio, stiffness, residual) &
+        !$omp parallel if (size(pending) > worth_sharing) default(shared) &
+        !$omp private(k, b, ratio, stiffness, residual) &
         !$omp firstprivate(stencil)
         call stencil%reserve(list%longest_row())
         !$omp do schedule(dynamic, 8)
@@ -150,7 +154,8 @@ contains
                   quality%neighbours(n))
       end associate
       allocate (rows%slope_weight(size(normal, 2)), source=0.0_wp)
-      !$omp parallel default(shared) private(k, b, ratio, stiffness, residual, normals) &
+      !$omp parallel if (size(particles) > worth_sharing) default(shared) &
+      !$omp private(k, b, ratio, stiffness, residual, normals) &
       !$omp firstprivate(stencil)
       call stencil%reserve(list%longest_row())
       !$omp do schedule(dynamic, 8)

@@ -9,13 +9,14 @@ module calor_conduction
   use calor_constants, only: worth_threads
   use calor_effect, only: effect_slot_t
   use calor_error, only: error_t, raise, status_bad_numbers
-  use calor_evolution, only: evolution_t
+  use calor_evolution, only: evolution_t, rate_in_parts, jacobian_in_parts
   use calor_expression, only: expression_t
   use calor_heat_content, only: heat_content_t
   use calor_kinds, only: wp
   use calor_medium, only: medium_t
   use calor_prescribed, only: prescribed_t
   use calor_sparse_operator, only: sparse_operator_t
+  use calor_streamed_rows, only: streamed_rows_t
   use calor_text, only: to_text
   implicit none (type, external)
   private
@@ -64,6 +65,8 @@ module calor_conduction
     real(wp) :: lowest = huge(1.0_wp), highest = -huge(1.0_wp)
     !> What to blame should the numbers go wrong, in a sentence; not allocated: the scheme
     character(len=:), allocatable :: suspicion
+    !> The Laplacian's rows, laid out for speed
+    type(streamed_rows_t), private :: stream
     !> How far the last state left the range, and for how many steps that has grown
     real(wp), private :: excursion = 0.0_wp
     integer, private :: growing_steps = 0
@@ -71,6 +74,8 @@ module calor_conduction
     procedure :: unknowns
     procedure :: rate
     procedure :: jacobian_product
+    procedure :: combine_with_rate
+    procedure :: combine_with_jacobian
     procedure :: impose
     procedure :: clear_prescribed
     procedure :: inspect
@@ -100,6 +105,10 @@ module calor_conduction
     procedure :: find_potential
     procedure :: find_state
     procedure :: find_liquid_fraction
+    !> Lay out the Laplacian's rows for speed: to be called when they are complete, and again after
+    !> any change
+    procedure :: stream_rows
+    procedure, private :: apply_rows
     procedure, private :: add_effects
     procedure, private :: find_slope
     procedure, private :: find_scales
@@ -125,10 +134,10 @@ contains
 
     if (allocated(this%content)) then
       call this%content%evaluate(u, this%temperature, this%potential)
-      call this%laplacian%apply_at_targets(this%diffusivity, this%potential, du)
+      call this%apply_rows(this%potential, du)
       if (allocated(this%effects)) call this%add_effects(time, this%temperature, du)
     else
-      call this%laplacian%apply_at_targets(this%diffusivity, u, du)
+      call this%apply_rows(u, du)
       if (allocated(this%effects)) call this%add_effects(time, u, du)
     end if
     call this%clear_prescribed(du)
@@ -144,14 +153,74 @@ contains
     if (allocated(this%content)) then
       ! No state is at work: its arrays serve.
       this%potential = this%potential_slope*v
-      call this%laplacian%apply_at_targets(this%diffusivity, this%potential, product)
+      call this%apply_rows(this%potential, product)
       if (allocated(this%slope)) product = product + this%slope*this%temperature_slope*v
     else
-      call this%laplacian%apply_at_targets(this%diffusivity, v, product)
+      call this%apply_rows(v, product)
       if (allocated(this%slope)) product = product + this%slope*v
     end if
     call this%clear_prescribed(product)
   end subroutine jacobian_product
+
+  subroutine stream_rows(this)
+    class(conduction_t), intent(inout) :: this
+
+    call this%stream%lay_out(this%laplacian, this%unknowns())
+  end subroutine stream_rows
+
+  !> What conduction makes of temperatures
+  subroutine apply_rows(this, temperature, rate)
+    class(conduction_t), intent(in) :: this
+    real(wp), intent(in) :: temperature(:)
+    !> Set at all particles that have a row
+    real(wp), intent(inout) :: rate(:)
+
+    if (this%stream%stands_for(this%laplacian)) then
+      call this%stream%apply(this%diffusivity, temperature, rate)
+    else
+      call this%laplacian%apply_at_targets(this%diffusivity, temperature, rate)
+    end if
+  end subroutine apply_rows
+
+  !> In one sweep where there is nothing but conduction. Prescribed entries have empty rows.
+  subroutine combine_with_rate(this, time, c, newer, start, rate_start, older, work)
+    class(conduction_t), intent(inout) :: this
+    real(wp), intent(in) :: time
+    real(wp), intent(in) :: c(5)
+    real(wp), intent(in), contiguous :: newer(:), start(:), rate_start(:)
+    real(wp), intent(inout), contiguous :: older(:)
+    real(wp), intent(inout), contiguous :: work(:)
+
+    if (allocated(this%effects) .or. allocated(this%content) .or. &
+        .not. this%stream%stands_for(this%laplacian)) then
+      call rate_in_parts(this, time, c, newer, start, rate_start, older, work)
+    else
+      call this%stream%combine([c(1:4), c(5)*this%diffusivity], newer, older, start, rate_start)
+    end if
+  end subroutine combine_with_rate
+
+  subroutine combine_with_jacobian(this, c, newer, older, work, start, rate_start)
+    class(conduction_t), intent(inout) :: this
+    real(wp), intent(in) :: c(5)
+    real(wp), intent(in), contiguous :: newer(:)
+    real(wp), intent(inout), contiguous :: older(:)
+    real(wp), intent(inout), contiguous :: work(:)
+    real(wp), intent(in), contiguous, optional :: start(:), rate_start(:)
+
+    ! Written out: an absent contiguous argument cannot be handed on in this compiler
+    if (allocated(this%slope) .or. allocated(this%content) .or. &
+        .not. this%stream%stands_for(this%laplacian)) then
+      if (present(start) .and. present(rate_start)) then
+        call jacobian_in_parts(this, c, newer, older, work, start, rate_start)
+      else
+        call jacobian_in_parts(this, c, newer, older, work)
+      end if
+    else if (present(start) .and. present(rate_start)) then
+      call this%stream%combine([c(1:4), c(5)*this%diffusivity], newer, older, start, rate_start)
+    else
+      call this%stream%combine([c(1:4), c(5)*this%diffusivity], newer, older)
+    end if
+  end subroutine combine_with_jacobian
 
   !> By a difference: expressions have no other derivative.
   subroutine add_held_rates(this, time, rate)

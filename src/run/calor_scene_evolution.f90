@@ -113,6 +113,7 @@ contains
     if (allocated(error)) return
     call assemble(scene, cloud, method, kernel, materials, conduction, rows, error, stopwatch)
     if (allocated(error)) return
+    call conduction%stream_rows()
 
     call called_effects(scene%file, effects, error)
     if (allocated(error)) return

@@ -2,12 +2,14 @@
 !>
 !> It is all that an integrator knows of what it integrates.
 module calor_evolution
+  use calor_constants, only: worth_threads
   use calor_error, only: error_t
   use calor_kinds, only: wp
   implicit none (type, external)
   private
 
   public :: evolution_t
+  public :: rate_in_parts, jacobian_in_parts
 
   type, abstract :: evolution_t
   contains
@@ -17,6 +19,10 @@ module calor_evolution
     procedure(rate_interface), deferred :: rate
     !> (∂F/∂u) v; v is 0 at prescribed entries
     procedure(jacobian_interface), deferred :: jacobian_product
+    !> A rate, or a product with the Jacobian, added to multiples of other vectors: what a stage of
+    !> an integrator consists of. An evolution that can do it in one sweep overrides them
+    procedure :: combine_with_rate => rate_in_parts
+    procedure :: combine_with_jacobian => jacobian_in_parts
     !> Take ∂F/∂u at a state for it from now on; without this it is on the safe side
     procedure :: linearise
     !> Put the prescribed values of a time into u
@@ -95,6 +101,56 @@ module calor_evolution
   end interface
 
 contains
+
+  !> older ← c₁ newer + c₂ older + c₃ start + c₄ rate_start + c₅ F(time, newer)
+  subroutine rate_in_parts(this, time, c, newer, start, rate_start, older, work)
+    class(evolution_t), intent(inout) :: this
+    !> Time, s
+    real(wp), intent(in) :: time
+    !> The five factors
+    real(wp), intent(in) :: c(5)
+    !> Vectors of the size of u; none may share memory with another
+    real(wp), intent(in), contiguous :: newer(:), start(:), rate_start(:)
+    real(wp), intent(inout), contiguous :: older(:)
+    !> Workspace of the size of u
+    real(wp), intent(inout), contiguous :: work(:)
+    integer :: k
+
+    call this%rate(time, newer, work)
+    !$omp parallel do if (size(older) > worth_threads) schedule(static) default(shared) private(k)
+    do k = 1, size(older)
+      older(k) = c(1)*newer(k) + c(2)*older(k) + c(3)*start(k) + c(4)*rate_start(k) + c(5)*work(k)
+    end do
+    !$omp end parallel do
+  end subroutine rate_in_parts
+
+  !> older ← c₁ newer + c₂ older + c₅ (∂F/∂u) newer, and where they are given + c₃ start
+  !> + c₄ rate_start
+  subroutine jacobian_in_parts(this, c, newer, older, work, start, rate_start)
+    class(evolution_t), intent(inout) :: this
+    !> The five factors
+    real(wp), intent(in) :: c(5)
+    !> Changes of the state; none may share memory with another
+    real(wp), intent(in), contiguous :: newer(:)
+    real(wp), intent(inout), contiguous :: older(:)
+    !> Workspace of the size of u
+    real(wp), intent(inout), contiguous :: work(:)
+    real(wp), intent(in), contiguous, optional :: start(:), rate_start(:)
+    integer :: k
+
+    call this%jacobian_product(newer, work)
+    !$omp parallel do if (size(older) > worth_threads) schedule(static) default(shared) private(k)
+    do k = 1, size(older)
+      older(k) = c(1)*newer(k) + c(2)*older(k) + c(5)*work(k)
+    end do
+    !$omp end parallel do
+    if (.not. (present(start) .and. present(rate_start))) return
+    !$omp parallel do if (size(older) > worth_threads) schedule(static) default(shared) private(k)
+    do k = 1, size(older)
+      older(k) = older(k) + c(3)*start(k) + c(4)*rate_start(k)
+    end do
+    !$omp end parallel do
+  end subroutine jacobian_in_parts
 
   !> Nothing to do where ∂F/∂u is the same at all states.
   subroutine linearise(this, time, u)

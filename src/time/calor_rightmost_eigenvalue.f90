@@ -72,7 +72,7 @@ contains
     allocate (free(evolution%unknowns()), source=1.0_wp)
     call evolution%clear_prescribed(free)
     n = count(free > 0.5_wp)
-    if (n > always_dense) call arnoldi(evolution, spectral_radius, rightmost)
+    if (n > always_dense) call arnoldi(evolution, n, spectral_radius, rightmost)
     if (n <= largest_dense .and. .not. rightmost%converged) then
       rightmost = rightmost_t()
       call jacobian_spectrum(evolution, real_parts, imaginary_parts)
@@ -147,15 +147,17 @@ contains
 
   !> ARPACK on the polynomial, with a wider ellipse as long as eigenvalues off the axis hide those
   !> that are looked for.
-  subroutine arnoldi(evolution, spectral_radius, rightmost)
+  subroutine arnoldi(evolution, unknowns, spectral_radius, rightmost)
     class(evolution_t), intent(inout) :: evolution
+    !> How many entries are not prescribed
+    integer, intent(in) :: unknowns
     real(wp), intent(in) :: spectral_radius
     type(rightmost_t), intent(inout) :: rightmost
     integer :: degree
     logical :: all_fast
 
     ! In the plane the slowest of n modes is some 2.5/n of the spectral radius: three times that.
-    degree = max(lowest_degree, min(highest_degree, int(sqrt(2.0_wp*evolution%unknowns()/3))))
+    degree = max(lowest_degree, min(highest_degree, int(sqrt(2.0_wp*unknowns/3))))
     do
       call try_ellipses(evolution, spectral_radius, degree, rightmost, all_fast)
       if (.not. all_fast .or. degree == lowest_degree) return
@@ -198,6 +200,7 @@ contains
   !> ARPACK on one polynomial.
   subroutine search(evolution, degree, centre, focus, rightmost, least, highest)
     class(evolution_t), intent(inout) :: evolution
+    !> Degree of the polynomial
     integer, intent(in) :: degree
     !> Centre of the ellipse, and half the distance between its foci, 1/s
     real(wp), intent(in) :: centre, focus
@@ -260,24 +263,27 @@ contains
     real(wp), intent(in) :: centre, focus
     real(wp), intent(in) :: v(:)
     real(wp), intent(out) :: product(:)
-    real(wp), allocatable :: earlier(:), later(:), rate(:)
+    real(wp), allocatable :: term(:, :), work(:)
     real(wp) :: factor
-    integer :: j, k
+    integer :: j, k, earlier, later
 
-    allocate (earlier(size(v)), later(size(v)), rate(size(v)))
-    earlier = 0
-    later = v
-    do j = 1, degree
-      call evolution%jacobian_product(later, rate)
-      factor = merge(1.0_wp, 2.0_wp, j == 1)/focus
-      !$omp parallel do if (size(v) > worth_threads) schedule(static) default(shared) private(k)
-      do k = 1, size(v)
-        product(k) = factor*(rate(k) - centre*later(k)) - earlier(k)
-        earlier(k) = later(k)
-        later(k) = product(k)
-      end do
-      !$omp end parallel do
+    allocate (term(size(v), 2), work(size(v)))
+    !$omp parallel do if (size(v) > worth_threads) schedule(static) default(shared) private(k)
+    do k = 1, size(v)
+      term(k, 1) = 0
+      term(k, 2) = v(k)
+      work(k) = 0
     end do
+    !$omp end parallel do
+    earlier = 1
+    do j = 1, degree
+      factor = merge(1.0_wp, 2.0_wp, j == 1)/focus
+      later = 3 - earlier
+      call evolution%combine_with_jacobian([-factor*centre, -1.0_wp, 0.0_wp, 0.0_wp, factor], &
+                                           term(:, later), term(:, earlier), work)
+      earlier = later
+    end do
+    product = term(:, 3 - earlier)
     call evolution%clear_prescribed(product)
   end subroutine apply_polynomial
 

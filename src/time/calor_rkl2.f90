@@ -13,6 +13,7 @@
 module calor_rkl2
   use calor_constants, only: worth_threads
   use calor_evolution, only: evolution_t
+  use calor_huge_pages, only: prefer_huge_pages
   use calor_integrator, only: integrator_t
   use calor_kinds, only: wp, i8
   use calor_random, only: random_uniform
@@ -117,12 +118,12 @@ contains
     integer, intent(in) :: stages
     real(wp), intent(in) :: step
     logical :: is_stable
-    real(wp), allocatable :: v(:), rate_start(:), rate(:), stage(:, :)
+    real(wp), allocatable :: v(:), rate_start(:), work(:), stage(:, :)
     real(wp) :: before
     integer :: k, j, n, i, older, newer
 
     n = evolution%unknowns()
-    allocate (v(n), rate_start(n), rate(n), stage(n, 2))
+    allocate (v(n), rate_start(n), work(n), stage(n, 2))
     do k = 1, n
       v(k) = random_uniform(5, int(k, i8)) - 0.5_wp
     end do
@@ -143,9 +144,8 @@ contains
       older = 1
       newer = 2
       do j = 2, stages
-        call evolution%jacobian_product(stage(:, newer), rate)
-        call next_stage(coefficients(j, stages), step, v, rate_start, stage(:, newer), rate, &
-                        stage(:, older))
+        call evolution%combine_with_jacobian(factors(j, stages, step), stage(:, newer), &
+                                             stage(:, older), work, v, rate_start)
         newer = older
         older = 3 - newer
       end do
@@ -165,37 +165,22 @@ contains
     place = 4/(3*(real(stages, wp)**2 + stages - 2))
   end function first_place
 
-  !> μ, ν, μ̃ and γ̃ of a stage
-  pure function coefficients(j, stages) result(c)
+  !> What stage j consists of: the factors of the last stage and of the one before, of stage 0 and
+  !> its rate, and of the last stage's rate. It takes the place of the one before, which is no
+  !> longer needed once it has entered.
+  pure function factors(j, stages, step) result(c)
     integer, intent(in) :: j, stages
-    real(wp) :: c(4)
+    real(wp), intent(in) :: step
+    real(wp) :: c(5)
+    real(wp) :: mu_tilde
 
     c(1) = (2*j - 1)*weight_b(j)/(j*weight_b(j - 1))
     c(2) = -(j - 1)*weight_b(j)/(j*weight_b(j - 2))
-    c(3) = 3*first_place(stages)*c(1)
-    c(4) = -(1 - weight_b(j - 1))*c(3)
-  end function coefficients
-
-  !> The stage after `newer`; it takes the place of `older`, the one before, which is no longer
-  !> needed once it has entered.
-  subroutine next_stage(c, step, u, rate_start, newer, rate, older)
-    !> From `coefficients`
-    real(wp), intent(in) :: c(4)
-    real(wp), intent(in) :: step
-    !> Stage 0 and its rate
-    real(wp), intent(in), contiguous :: u(:), rate_start(:)
-    !> The last stage and its rate
-    real(wp), intent(in), contiguous :: newer(:), rate(:)
-    real(wp), intent(inout), contiguous :: older(:)
-    integer :: k
-
-    !$omp parallel do if (size(u) > worth_threads) schedule(static) default(shared) private(k)
-    do k = 1, size(u)
-      older(k) = c(1)*newer(k) + c(2)*older(k) + (1 - c(1) - c(2))*u(k) + &
-                 step*(c(3)*rate(k) + c(4)*rate_start(k))
-    end do
-    !$omp end parallel do
-  end subroutine next_stage
+    c(3) = 1 - c(1) - c(2)
+    mu_tilde = 3*first_place(stages)*c(1)
+    c(4) = -(1 - weight_b(j - 1))*mu_tilde*step
+    c(5) = mu_tilde*step
+  end function factors
 
   pure function estimates_error(this) result(answer)
     class(rkl2_t), intent(in) :: this
@@ -227,6 +212,11 @@ contains
     if (.not. allocated(this%stage)) then
       allocate (this%rate_start(size(u)), this%rate_end(size(u)), this%rate_stage(size(u)))
       allocate (this%stage(size(u), 2))
+      call prefer_huge_pages(this%rate_start)
+      call prefer_huge_pages(this%rate_end)
+      call prefer_huge_pages(this%rate_stage)
+      call prefer_huge_pages(this%stage(:, 1))
+      call prefer_huge_pages(this%stage(:, 2))
     end if
     if (.not. this%started) then
       call evolution%rate(time, u, this%rate_start)
@@ -248,22 +238,30 @@ contains
     call evolution%impose(time + place*step, this%stage(:, newer))
 
     do j = 2, stages
-      call evolution%rate(time + place*step, this%stage(:, newer), this%rate_stage)
-      call next_stage(coefficients(j, stages), step, u, this%rate_start, this%stage(:, newer), &
-                      this%rate_stage, this%stage(:, older))
+      call evolution%combine_with_rate(time + place*step, factors(j, stages, step), &
+                                       this%stage(:, newer), u, this%rate_start, &
+                                       this%stage(:, older), this%rate_stage)
       place = (real(j, wp)**2 + j - 2)*w1/4
       call evolution%impose(time + place*step, this%stage(:, older))
       newer = older
       older = 3 - newer
     end do
-    u_next = this%stage(:, newer)
+    !$omp parallel do if (size(u) > worth_threads) schedule(static) default(shared) private(k)
+    do k = 1, size(u)
+      u_next(k) = this%stage(k, newer)
+    end do
+    !$omp end parallel do
     call evolution%rate(time + step, u_next, this%rate_end)
     this%evaluations = this%evaluations + stages
 
     ! The step's error is (c - 1/6) u''' Δt³, c being the third coefficient of the method's
     ! stability polynomial. The trapezoidal rule misses u''' Δt³/12 the other way: its defect shows
     ! the sum.
-    this%rate_stage = u - u_next + 0.5_wp*step*(this%rate_start + this%rate_end)
+    !$omp parallel do if (size(u) > worth_threads) schedule(static) default(shared) private(k)
+    do k = 1, size(u)
+      this%rate_stage(k) = u(k) - u_next(k) + 0.5_wp*step*(this%rate_start(k) + this%rate_end(k))
+    end do
+    !$omp end parallel do
     call evolution%clear_prescribed(this%rate_stage)
     third = third_coefficient(stages)
     this%error_factor = (1.0_wp/6 - third)/(1.0_wp/4 - third)

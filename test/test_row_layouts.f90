@@ -1,0 +1,309 @@
+!> Tests of rows made and kept for speed: batches, collections of attempts, streamed rows.
+module test_row_layouts
+  use calor_conduction, only: conduction_t
+  use calor_error, only: error_t
+  use calor_evolution, only: rate_in_parts, jacobian_in_parts
+  use calor_kernel, only: kernel_t
+  use calor_kernels, only: make_kernel
+  use calor_kinds, only: wp, ip, i8
+  use calor_cloud, only: cloud_t
+  use calor_laplacian_consistent, only: consistent_t, natural_support
+  use calor_laplacian_fatehi_manzari, only: fatehi_manzari_t
+  use calor_laplacian_scheme, only: row_laplacian_t
+  use calor_neighbour_list, only: neighbour_list_t, build_neighbour_list
+  use calor_random, only: random_uniform
+  use calor_rectangle_cloud, only: make_rectangle
+  use calor_row_collection, only: row_collection_t
+  use calor_row_report, only: row_report_t
+  use calor_sparse_operator, only: sparse_operator_t
+  use calor_stencil, only: stencil_t
+  use calor_streamed_rows, only: streamed_rows_t
+  use testdrive, only: new_unittest, unittest_type, test_error => error_type, check
+  implicit none (type, external)
+  private
+
+  public :: collect_row_layouts
+
+contains
+
+  subroutine collect_row_layouts(testsuite)
+    type(unittest_type), allocatable, intent(out) :: testsuite(:)
+
+    testsuite = [ &
+                new_unittest('batches give the rows found one by one', test_batches), &
+                new_unittest('a lattice goes to the pivoted factorisation', test_lattice), &
+                new_unittest('a collection keeps the last attempt at each row', test_collection), &
+                new_unittest('streamed rows are the operator', test_streamed), &
+                new_unittest('streamed rows leave constants steady to the last bit', &
+                             test_constants), &
+                new_unittest('rows with a diagonal of their own are not streamed', test_refused), &
+                new_unittest('a stage in one sweep is the stage in parts', test_stage) &
+                ]
+  end subroutine collect_row_layouts
+
+  !> A cloud of 15 × 15 intervals and rows of a scheme on it.
+  subroutine assemble(scheme, jitter, support, cloud, laplacian, list)
+    class(row_laplacian_t), intent(in) :: scheme
+    real(wp), intent(in) :: jitter, support
+    type(cloud_t), intent(out) :: cloud
+    type(sparse_operator_t), intent(out) :: laplacian
+    type(neighbour_list_t), intent(out) :: list
+    class(kernel_t), allocatable :: kernel
+    type(error_t), allocatable :: failure
+    real(wp), allocatable :: radius(:)
+    integer(ip), allocatable :: inside(:)
+    integer :: k
+
+    call make_rectangle([0.0_wp, 1.0_wp], [0.0_wp, 1.0_wp], 1/15.0_wp, 'jittered', jitter, 3, &
+                        cloud, failure)
+    call make_kernel('wendland_c2', kernel, failure)
+    inside = pack([(int(k, ip), k=1, cloud%particles())], cloud%side == 0)
+    allocate (radius(cloud%particles()), source=support/15)
+    call build_neighbour_list(cloud%x, cloud%y, radius(inside), list, inside)
+    call scheme%assemble(kernel, cloud%x, cloud%y, cloud%volume, radius, list, laplacian)
+  end subroutine assemble
+
+  !> The largest difference to rows found one by one, relative to each row's largest weight.
+  function difference(scheme, support, cloud, laplacian, list, exact) result(largest)
+    class(row_laplacian_t), intent(in) :: scheme
+    real(wp), intent(in) :: support
+    type(cloud_t), intent(in) :: cloud
+    type(sparse_operator_t), intent(in) :: laplacian
+    type(neighbour_list_t), intent(in) :: list
+    !> Whether to compare rows of singular systems too
+    logical, intent(in) :: exact
+    real(wp) :: largest
+    class(kernel_t), allocatable :: kernel
+    type(error_t), allocatable :: failure
+    type(stencil_t) :: stencil
+    real(wp), allocatable :: weight(:)
+    real(wp) :: diagonal, h
+    integer :: row
+
+    h = support/15
+    call make_kernel('wendland_c2', kernel, failure)
+    call stencil%reserve(list%longest_row())
+    largest = 0
+    do row = 1, list%rows()
+      associate (from => list%first(row), to => list%first(row + 1) - 1)
+        allocate (weight(to - from + 1))
+        call stencil%gather(kernel, cloud%x, cloud%y, cloud%volume, list%target(row), &
+                            list%index(from:to), h)
+        call scheme%weights(stencil, weight, diagonal)
+        ! In rows that are worse determined, rounding errors of moments show more.
+        if (stencil%condition_laplacian <= 1.0e9_wp .or. exact) then
+          largest = max(largest, maxval(abs(weight/h**2 - laplacian%weight(from:to)))/ &
+                        maxval(abs(weight/h**2)), &
+                        abs(diagonal/h**2 - laplacian%diagonal(row))/abs(diagonal/h**2))
+        end if
+        deallocate (weight)
+      end associate
+    end do
+  end function difference
+
+  !> Moments are met to rounding either way, and weights of least norm follow from moments with the
+  !> condition √κ(M), at most 3·10⁴ in the rows compared: some 10 ε √κ = 7·10⁻¹¹.
+  subroutine test_batches(error)
+    type(test_error), allocatable, intent(out) :: error
+    type(cloud_t) :: cloud
+    type(sparse_operator_t) :: laplacian
+    type(neighbour_list_t) :: list
+    type(consistent_t) :: consistent
+    type(fatehi_manzari_t) :: paper
+    integer :: order
+
+    call assemble(paper, 0.3_wp, 2.1_wp, cloud, laplacian, list)
+    call check(error, difference(paper, 2.1_wp, cloud, laplacian, list, .false.) < 1.0e-12_wp)
+    do order = 2, 8, 2
+      if (allocated(error)) return
+      consistent%order = order
+      associate (support => 1.3_wp*natural_support(order))
+        call assemble(consistent, 0.3_wp, support, cloud, laplacian, list)
+        call check(error, difference(consistent, support, cloud, laplacian, list, &
+                                     .false.) < 1.0e-10_wp)
+      end associate
+    end do
+  end subroutine test_batches
+
+  !> There monomials depend on each other: the rows are those of LAPACK to the last bit.
+  subroutine test_lattice(error)
+    type(test_error), allocatable, intent(out) :: error
+    type(cloud_t) :: cloud
+    type(sparse_operator_t) :: laplacian
+    type(neighbour_list_t) :: list
+    type(fatehi_manzari_t) :: paper
+
+    ! Four neighbours leave B̂xy undetermined. Rounding of the scaling only: 1/h² and h² differ
+    call assemble(paper, 0.0_wp, 1.2_wp, cloud, laplacian, list)
+    call check(error, difference(paper, 1.2_wp, cloud, laplacian, list, .true.) < 1.0e-14_wp)
+    if (allocated(error)) return
+    call assemble(consistent_t(order=4), 0.0_wp, 2.8_wp, cloud, laplacian, list)
+    call check(error, difference(consistent_t(order=4), 2.8_wp, cloud, laplacian, list, .true.) < &
+               1.0e-10_wp)
+  end subroutine test_lattice
+
+  subroutine test_collection(error)
+    type(test_error), allocatable, intent(out) :: error
+    type(row_collection_t) :: collection
+    type(sparse_operator_t) :: attempt, merged
+    type(row_report_t) :: report
+
+    call collection%start(3)
+    call make_attempt([1_ip, 2_ip, 3_ip], 1.0_wp)
+    call collection%take([1_ip, 2_ip, 3_ip], attempt, report)
+    call make_attempt([3_ip, 1_ip], 2.0_wp)
+    call collection%take([3_ip, 1_ip], attempt, report)
+    call make_attempt([3_ip], 3.0_wp)
+    call collection%take([3_ip], attempt, report)
+    call collection%merge_into(merged, report)
+    call check(error, all(merged%target == [1, 2, 3]))
+    if (allocated(error)) return
+    ! Row k of an attempt has k entries.
+    call check(error, all(merged%first == [1_i8, 3_i8, 5_i8, 6_i8]))
+    if (allocated(error)) return
+    call check(error, maxval(abs(merged%weight - [2, 2, 1, 1, 3])), 0.0_wp)
+    if (allocated(error)) return
+    call check(error, maxval(abs(merged%diagonal - [2, 1, 3])), 0.0_wp)
+    if (allocated(error)) return
+    call check(error, maxval(abs(report%residual - [2, 1, 3])), 0.0_wp)
+
+  contains
+
+    subroutine make_attempt(target, number)
+      integer(ip), intent(in) :: target(:)
+      real(wp), intent(in) :: number
+      integer :: k, n
+
+      n = size(target)
+      call report%reserve(n)
+      report%residual(:) = number
+      attempt%target = target
+      allocate (attempt%first(n + 1), attempt%diagonal(n))
+      attempt%first(1) = 1
+      do k = 1, n
+        attempt%first(k + 1) = attempt%first(k) + k
+      end do
+      allocate (attempt%index(attempt%first(n + 1) - 1), source=1_ip)
+      allocate (attempt%weight(attempt%first(n + 1) - 1), source=number)
+      attempt%diagonal(:) = number
+    end subroutine make_attempt
+
+  end subroutine test_collection
+
+  !> An operator on 101 particles with rows of 0 to 12 entries, some without a row and one with 60.
+  subroutine make_operator(operator)
+    type(sparse_operator_t), intent(out) :: operator
+    integer, parameter :: particles = 101
+    integer :: k, length, row
+
+    operator%target = [(int(1 + mod(37*k, particles), ip), k=1, 90)]
+    allocate (operator%first(91), operator%diagonal(90))
+    operator%first(1) = 1
+    do row = 1, 90
+      length = mod(7*row, 13)
+      if (row == 50) length = 60
+      operator%first(row + 1) = operator%first(row) + length
+    end do
+    allocate (operator%index(operator%first(91) - 1), operator%weight(operator%first(91) - 1))
+    do k = 1, size(operator%index)
+      operator%index(k) = 1 + int(particles*random_uniform(1, int(k, i8)), ip)
+      operator%weight(k) = random_uniform(2, int(k, i8)) - 0.3_wp
+    end do
+    do row = 1, 90
+      associate (from => operator%first(row), to => operator%first(row + 1) - 1)
+        operator%diagonal(row) = -sum(operator%weight(from:to))
+      end associate
+    end do
+  end subroutine make_operator
+
+  subroutine test_streamed(error)
+    type(test_error), allocatable, intent(out) :: error
+    type(sparse_operator_t) :: operator
+    type(streamed_rows_t) :: rows
+    real(wp) :: u(101), found(101), expected(101)
+    integer :: k
+
+    call make_operator(operator)
+    call rows%lay_out(operator, 101)
+    call check(error, rows%stands_for(operator))
+    if (allocated(error)) return
+    do k = 1, 101
+      u(k) = random_uniform(3, int(k, i8))
+    end do
+    expected = 0
+    call operator%apply_at_targets(2.0_wp, u, expected)
+    call rows%apply(2.0_wp, u, found)
+    ! Sums of up to 60 numbers below one, each rounded
+    call check(error, maxval(abs(found - expected)) < 60*epsilon(1.0_wp)*30)
+    if (allocated(error)) return
+    call check(error, maxval(abs(pack(found, [(all(operator%target /= k), k=1, 101)]))), 0.0_wp)
+  end subroutine test_streamed
+
+  subroutine test_constants(error)
+    type(test_error), allocatable, intent(out) :: error
+    type(sparse_operator_t) :: operator
+    type(streamed_rows_t) :: rows
+    real(wp) :: u(101), found(101)
+
+    call make_operator(operator)
+    call rows%lay_out(operator, 101)
+    u = 1/3.0_wp
+    call rows%apply(1.0_wp, u, found)
+    call check(error, maxval(abs(found)), 0.0_wp)
+  end subroutine test_constants
+
+  subroutine test_refused(error)
+    type(test_error), allocatable, intent(out) :: error
+    type(sparse_operator_t) :: operator
+    type(streamed_rows_t) :: rows
+
+    call make_operator(operator)
+    operator%diagonal(7) = operator%diagonal(7) + 1.0e-6_wp
+    call rows%lay_out(operator, 101)
+    call check(error,.not. rows%stands_for(operator))
+    if (allocated(error)) return
+    call make_operator(operator)
+    operator%target(3) = operator%target(4)
+    call rows%lay_out(operator, 101)
+    call check(error,.not. rows%stands_for(operator))
+  end subroutine test_refused
+
+  subroutine test_stage(error)
+    type(test_error), allocatable, intent(out) :: error
+    type(conduction_t) :: conduction
+    real(wp) :: newer(101), start(101), rate(101), work(101), fused(101), parts(101)
+    real(wp), parameter :: c(5) = [0.7_wp, -0.4_wp, 0.2_wp, -0.01_wp, 0.03_wp]
+    ! Sums of up to 60 numbers of order one, and the combination
+    real(wp), parameter :: rounding = 1.0e-12_wp
+    integer :: k
+
+    call make_operator(conduction%laplacian)
+    conduction%diffusivity = 0.5_wp
+    conduction%x = [(real(k, wp), k=1, 101)]
+    allocate (conduction%prescribed(0))
+    do k = 1, 101
+      newer(k) = random_uniform(3, int(k, i8))
+      start(k) = random_uniform(4, int(k, i8))
+      rate(k) = random_uniform(5, int(k, i8))
+      fused(k) = random_uniform(6, int(k, i8))
+    end do
+    parts = fused
+    work = 0
+    ! Before rows are streamed the general way is taken.
+    call conduction%combine_with_rate(0.0_wp, c, newer, start, rate, parts, work)
+    call conduction%stream_rows()
+    call conduction%combine_with_rate(0.0_wp, c, newer, start, rate, fused, work)
+    call check(error, maxval(abs(fused - parts)) < rounding)
+    if (allocated(error)) return
+    parts = fused
+    call conduction%combine_with_jacobian(c, newer, fused, work)
+    call jacobian_in_parts(conduction, c, newer, parts, work)
+    call check(error, maxval(abs(fused - parts)) < rounding)
+    if (allocated(error)) return
+    parts = fused
+    call conduction%combine_with_jacobian(c, newer, fused, work, start, rate)
+    call rate_in_parts(conduction, 0.0_wp, c, newer, start, rate, parts, work)
+    call check(error, maxval(abs(fused - parts)) < rounding)
+  end subroutine test_stage
+
+end module test_row_layouts
