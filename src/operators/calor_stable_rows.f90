@@ -12,9 +12,10 @@ module calor_stable_rows
   use calor_kinds, only: wp, ip, i8
   use calor_laplacian_positive, only: positive_t
   use calor_laplacian_scheme, only: laplacian_scheme_t, row_rule_t
-  use calor_neighbour_list, only: neighbour_list_t, build_neighbour_list
+  use calor_neighbour_list, only: neighbour_list_t
   use calor_row_quality, only: row_quality_t, measure_rows
   use calor_row_report, only: row_report_t
+  use calor_skin_list, only: skin_list_t, find_neighbours
   use calor_sparse_operator, only: sparse_operator_t
   implicit none (type, external)
   private
@@ -50,8 +51,7 @@ contains
 
   !> Assemble rows of a scheme and repair the poor ones.
   subroutine assemble_stable_rows(scheme, kernel, x, y, volume, radius, targets, laplacian, &
-                                  report, &
-                                  repairs)
+                                  report, repairs, skin_list)
     !> The scheme
     class(laplacian_scheme_t), intent(in) :: scheme
     !> The smoothing kernel
@@ -68,6 +68,8 @@ contains
     type(row_report_t), intent(out) :: report
     !> What was repaired
     type(row_repairs_t), intent(out) :: repairs
+    !> Where neighbours are looked up first
+    type(skin_list_t), intent(in), optional :: skin_list
     type(neighbour_list_t) :: list
     type(row_quality_t) :: quality
     type(positive_t) :: positive
@@ -79,12 +81,12 @@ contains
     integer :: k
 
     allocate (repairs%repair(size(targets)), source=as_written)
-    call build_neighbour_list(x, y, radius(targets), list, targets)
+    call find_neighbours(x, y, radius(targets), list, targets, skin_list)
     call scheme%assemble(kernel, x, y, volume, radius, list, laplacian, report)
     if (scheme%exact_degree() < 2) then
-      call surround(x, y, radius, list, repairs%repair)
+      call surround(x, y, radius, list, repairs%repair, skin_list)
       if (any(repairs%repair == support_grown)) then
-        call build_neighbour_list(x, y, radius(targets), list, targets)
+        call find_neighbours(x, y, radius(targets), list, targets, skin_list)
         call scheme%assemble(kernel, x, y, volume, radius, list, laplacian, report)
       end if
       call measure_rows(laplacian, x, y, radius, scheme%exact_degree(), repairs%quality)
@@ -103,34 +105,37 @@ contains
     first_radius = radius(targets)
     failed = pack([(int(k, ip), k=1, size(targets))], poor)
     repairs%repair(failed) = support_grown
-    call grow(scheme, kernel, x, y, volume, radius, targets, 0, largest_residual, failed)
+    call grow(scheme, kernel, x, y, volume, radius, targets, 0, largest_residual, failed, &
+              skin_list=skin_list)
     if (rule%largest_stiffness < usual%largest_stiffness) then
       ! Short steps at a few particles rather than a row of another scheme
       radius(targets(failed)) = first_radius(failed)/rule%growth
       call grow(scheme, kernel, x, y, volume, radius, targets, 0, largest_residual, failed, &
-                allowed_stiffness=usual%largest_stiffness)
+                allowed_stiffness=usual%largest_stiffness, skin_list=skin_list)
     end if
     repairs%repair(failed) = positive_stencil
     radius(targets(failed)) = first_radius(failed)/replaced%growth
-    call grow(positive, kernel, x, y, volume, radius, targets, 0, largest_residual, failed)
+    call grow(positive, kernel, x, y, volume, radius, targets, 0, largest_residual, failed, &
+              skin_list=skin_list)
     radius(targets(failed)) = first_radius(failed)/replaced%growth
     call grow(positive, kernel, x, y, volume, radius, targets, 0, largest_residual, failed, &
-              allowed_stiffness=most_stiffness)
+              allowed_stiffness=most_stiffness, skin_list=skin_list)
     repairs%repair(failed) = inexact_stencil
     radius(targets(failed)) = first_radius(failed)/replaced%growth
     call grow(positive_t(relaxed=.true.), kernel, x, y, volume, radius, targets, &
-              enough_neighbours, huge(1.0_wp), failed)
+              enough_neighbours, huge(1.0_wp), failed, skin_list=skin_list)
     radius(targets(failed)) = first_radius(failed)/replaced%growth
     call grow(positive_t(relaxed=.true.), kernel, x, y, volume, radius, targets, &
-              enough_neighbours, huge(1.0_wp), failed, allowed_stiffness=huge(1.0_wp))
+              enough_neighbours, huge(1.0_wp), failed, allowed_stiffness=huge(1.0_wp), &
+              skin_list=skin_list)
     repairs%repair(failed) = no_stencil
     radius(targets(failed)) = first_radius(failed)
-    call build_neighbour_list(x, y, radius(targets), list, targets)
+    call find_neighbours(x, y, radius(targets), list, targets, skin_list)
     call scheme%assemble(kernel, x, y, volume, radius, list, laplacian, report)
     call replace_rows(positive, kernel, x, y, volume, radius, &
-                      repairs%repair == positive_stencil, laplacian)
+                      repairs%repair == positive_stencil, laplacian, skin_list)
     call replace_rows(positive_t(relaxed=.true.), kernel, x, y, volume, radius, &
-                      repairs%repair == inexact_stencil, laplacian)
+                      repairs%repair == inexact_stencil, laplacian, skin_list)
     do k = 1, size(targets)
       if (repairs%repair(k) == no_stencil) call scale_row(laplacian, k, 0.0_wp)
     end do
@@ -156,13 +161,14 @@ contains
   end subroutine scale_row
 
   !> Grow the supports of particles until their neighbours surround them.
-  subroutine surround(x, y, radius, first_list, repair)
+  subroutine surround(x, y, radius, first_list, repair, skin_list)
     real(wp), intent(in) :: x(:), y(:)
     real(wp), intent(inout) :: radius(:)
     !> Neighbours before any growth
     type(neighbour_list_t), intent(in) :: first_list
     !> Becomes `support_grown` where that was so
     integer, intent(inout) :: repair(:)
+    type(skin_list_t), intent(in), optional :: skin_list
     type(row_rule_t), parameter :: usual = row_rule_t()
     type(neighbour_list_t) :: list
     integer(ip), allocatable :: rows(:), candidates(:)
@@ -189,7 +195,7 @@ contains
       repair(rows) = support_grown
       candidates = first_list%target(rows)
       radius(candidates) = usual%growth*radius(candidates)
-      call build_neighbour_list(x, y, radius(candidates), list, candidates)
+      call find_neighbours(x, y, radius(candidates), list, candidates, skin_list)
     end do
   end subroutine surround
 
@@ -226,7 +232,7 @@ contains
 
   !> Grow the supports of some rows until they are good.
   subroutine grow(scheme, kernel, x, y, volume, radius, targets, fewest, allowed_residual, rows, &
-                  allowed_stiffness)
+                  allowed_stiffness, skin_list)
     class(laplacian_scheme_t), intent(in) :: scheme
     class(kernel_t), intent(in) :: kernel
     real(wp), intent(in) :: x(:), y(:), volume(:)
@@ -240,6 +246,7 @@ contains
     integer(ip), allocatable, intent(inout) :: rows(:)
     !> … and be so stiff, if that is not the usual bound
     real(wp), intent(in), optional :: allowed_stiffness
+    type(skin_list_t), intent(in), optional :: skin_list
     type(neighbour_list_t) :: list
     type(sparse_operator_t) :: laplacian
     real(wp) :: stiffness
@@ -259,7 +266,7 @@ contains
       if (size(rows) == 0) exit
       radius(targets(rows)) = rule%growth*radius(targets(rows))
       candidates = targets(rows)
-      call build_neighbour_list(x, y, radius(candidates), list, candidates)
+      call find_neighbours(x, y, radius(candidates), list, candidates, skin_list)
       call scheme%assemble(kernel, x, y, volume, radius, list, laplacian, report)
       call measure_rows(laplacian, x, y, radius, 2, quality)
       neighbours = int(list%first(2:) - list%first(:list%rows()))
@@ -276,13 +283,15 @@ contains
   end subroutine grow
 
   !> Put stencils of non-negative weights into the place of some rows.
-  subroutine replace_rows(positive, kernel, x, y, volume, radius, chosen, laplacian)
+  subroutine replace_rows(positive, kernel, x, y, volume, radius, chosen, laplacian, &
+                          skin_list)
     type(positive_t), intent(in) :: positive
     class(kernel_t), intent(in) :: kernel
     real(wp), intent(in) :: x(:), y(:), volume(:), radius(:)
     !> Which rows
     logical, intent(in) :: chosen(:)
     type(sparse_operator_t), intent(inout) :: laplacian
+    type(skin_list_t), intent(in), optional :: skin_list
     type(neighbour_list_t) :: list
     type(sparse_operator_t) :: rows
     integer(ip), allocatable :: place(:)
@@ -290,7 +299,8 @@ contains
 
     place = pack([(int(k, ip), k=1, size(chosen))], chosen)
     if (size(place) == 0) return
-    call build_neighbour_list(x, y, radius(laplacian%target(place)), list, laplacian%target(place))
+    call find_neighbours(x, y, radius(laplacian%target(place)), list, laplacian%target(place), &
+                         skin_list)
     call positive%assemble(kernel, x, y, volume, radius, list, rows)
     ! Both lists were built with the same radii: the rows have the same neighbours.
     do k = 1, size(place)

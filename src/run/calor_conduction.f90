@@ -11,6 +11,7 @@ module calor_conduction
   use calor_expression, only: expression_t
   use calor_kinds, only: wp
   use calor_medium, only: medium_t
+  use calor_places, only: places_t
   use calor_prescribed, only: prescribed_t
   use calor_sparse_operator, only: sparse_operator_t
   use calor_text, only: to_text
@@ -80,6 +81,8 @@ module calor_conduction
     procedure :: linearise
     !> The measure of temperatures: the range of those given, or what effects may bring about, K
     procedure :: temperature_scale
+    !> Take the paths of particles that move, and what new rows have at walls
+    procedure :: follow
     !> Put the rates of held states into a rate
     procedure :: add_held_rates
     !> The temperatures of a state, the state of temperatures, and how much is liquid
@@ -128,6 +131,27 @@ contains
     call this%clear_prescribed(product)
   end subroutine jacobian_product
 
+  subroutine follow(this, places)
+    class(conduction_t), intent(inout) :: this
+    !> Where particles will be in the steps to come
+    type(places_t), intent(in) :: places
+    integer :: k
+
+    this%x = places%x
+    this%y = places%y
+    this%medium%x = places%x
+    this%medium%y = places%y
+    do k = 1, size(this%prescribed)
+      associate (held => this%prescribed(k))
+        if (allocated(held%expression)) held%places = places%some(held%particle)
+      end associate
+    end do
+    if (.not. allocated(this%effects)) return
+    do k = 1, size(this%effects)
+      call this%effects(k)%effect%follow(this%medium, places)
+    end do
+  end subroutine follow
+
   !> By a difference: expressions have no other derivative.
   subroutine add_held_rates(this, time, rate)
     class(conduction_t), intent(in) :: this
@@ -148,8 +172,8 @@ contains
         if (.not. step > 0) step = 1.0e-5_wp
         expression = held%expression
         allocate (before(size(held%particle)), after(size(held%particle)))
-        call expression%evaluate(held%x, held%y, max(0.0_wp, time - step), values=before)
-        call expression%evaluate(held%x, held%y, time + step, values=after)
+        call held%places%evaluate(expression, max(0.0_wp, time - step), before)
+        call held%places%evaluate(expression, time + step, after)
         if (this%mapping > 0) then
           call this%effects(this%mapping)%effect%find_state((before), before)
           call this%effects(this%mapping)%effect%find_state((after), after)

@@ -48,6 +48,8 @@ module calor_scene_materials
     procedure :: describe
     !> Make rows for ∇² into rows for div(K ∇)
     procedure :: convert
+    !> Whether rows depend on the material of the particles only, and on no place or direction
+    procedure :: goes_with_particles
     procedure, private :: needs_own_rows
   end type scene_materials_t
 
@@ -160,6 +162,15 @@ contains
                                                      operator%first(row + 1) - 1)) /= own)
     end associate
   end function needs_own_rows
+
+  !> Interfaces have places, and a tensor has directions.
+  pure function goes_with_particles(this) result(answer)
+    class(scene_materials_t), intent(in) :: this
+    logical :: answer
+
+    answer = size(this%materials%list) == 1
+    if (answer) answer = this%materials%list(1)%isotropic
+  end function goes_with_particles
 
   !> a_ij ← a_ij (κ_i + κ_j)/2
   pure subroutine scale_rows(operator, conductivity, left_out)
