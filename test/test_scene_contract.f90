@@ -167,8 +167,8 @@ contains
     type(error_type), allocatable, intent(out) :: error
 
     call refuse('&time end = 1 /'//lf//'&checkpoint file = ''a'' /', 'a.nml, line 2: '// &
-                '&checkpoint: this group is part of the scene format, but this version of calor '// &
-                'cannot write checkpoints yet; remove the group.', error)
+                '&checkpoint: this group is part of the scene format, but this version of '// &
+                'calor cannot write checkpoints yet; remove the group.', error)
   end subroutine test_later_groups
 
   subroutine test_material_keys(error)

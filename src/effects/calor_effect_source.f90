@@ -26,6 +26,7 @@ module calor_effect_source
     !> 1 within the region, 0 outside; allocated only where particles move into it and out of it,
     !> and then all particles are those of the source
     real(wp), allocatable, private :: inside(:)
+    type(places_t), private :: places
     !> Temperatures of its particles, where the power depends on them
     real(wp), allocatable, private :: temperature(:)
   contains
@@ -77,7 +78,9 @@ contains
     this%particle = pack([(int(k, ip), k=1, size(inside))], abs(inside) > 0)
     if (medium%in_motion .and. this%region%is_compiled()) then
       this%particle = [(int(k, ip), k=1, size(inside))]
-      this%inside = merge(1.0_wp, 0.0_wp, abs(inside) > 0)
+      this%inside = inside
+      this%places%x = medium%x
+      this%places%y = medium%y
     end if
     if (size(this%particle) == 0) then
       call raise(error, status_bad_input, this%place//': no particle lies where '// &
@@ -112,6 +115,8 @@ contains
       call this%density%update(time, temperature)
     end if
     if (allocated(this%inside)) then
+      call this%places%evaluate(this%region, time, this%inside)
+      where (abs(this%inside) > 0) this%inside = 1
       do k = 1, size(this%particle)
         power(k) = power(k) + this%inside(k)*this%density%value(k)
       end do
@@ -122,16 +127,14 @@ contains
     end do
   end subroutine add_power
 
-  !> Which particles lie within the region is found in the middle of a step of the motion.
   subroutine follow(this, medium, places)
     class(source_t), intent(inout) :: this
     type(medium_t), intent(in) :: medium
     type(places_t), intent(in) :: places
 
-    if (allocated(this%inside)) then
-      call this%region%evaluate(medium%x, medium%y, places%time, values=this%inside)
-      where (abs(this%inside) > 0) this%inside = 1
-    end if
+    associate (unused => medium)
+    end associate
+    if (allocated(this%inside)) this%places = places
     call this%density%follow(places%some(this%particle))
   end subroutine follow
 
@@ -155,7 +158,10 @@ contains
     this%calls = this%calls + 1
     allocate (found(size(this%particle)))
     call this%density%derivative(time, temperature(this%particle), found)
-    if (allocated(this%inside)) found = this%inside*found
+    if (allocated(this%inside)) then
+      call this%places%evaluate(this%region, time, this%inside)
+      where (.not. abs(this%inside) > 0) found = 0
+    end if
     slope(this%particle) = slope(this%particle) + found
   end subroutine add_slope
 

@@ -18,7 +18,7 @@ module calor_medium
     !> Density times heat capacity of each particle, where that is not the same everywhere; else not
     !> allocated, and the least conductivity and capacity stand above where they are
     real(wp), allocatable :: local_capacity(:)
-    !> Whether particles move: then x and y are their places in the middle of a step of the motion
+    !> Whether particles move
     logical :: in_motion = .false.
     !> The time to simulate, s
     real(wp) :: duration = 0.0_wp

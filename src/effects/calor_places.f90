@@ -1,4 +1,4 @@
-!> Places of particles, which may move: x(t) = x + (t - t₀) rate + (t - t₀)² bend.
+!> Places of particles, which may move: polynomials of degree 4 in time.
 module calor_places
   use calor_expression, only: expression_t
   use calor_kinds, only: wp, ip, i8
@@ -7,15 +7,14 @@ module calor_places
 
   public :: places_t
 
-  !> Particles at rest have neither rate nor bend
+  !> x(t) = x + Σ way(k) s^k with s = (t - time)/step; particles at rest have no way
   type :: places_t
     !> Coordinates at `time`, m
     real(wp), allocatable :: x(:), y(:)
-    !> Coordinates' first derivatives, m/s, and halves of the second ones, m/s²; allocated only
-    !> where particles move
-    real(wp), allocatable :: x_rate(:), y_rate(:), x_bend(:), y_bend(:)
+    !> Coefficients of s … s⁴, m, a column for each particle; allocated only where particles move
+    real(wp), allocatable :: x_way(:, :), y_way(:, :)
     !> s
-    real(wp) :: time = 0.0_wp
+    real(wp) :: time = 0.0_wp, step = 1.0_wp
   contains
     !> Coordinates at a time
     procedure :: find
@@ -36,15 +35,19 @@ contains
     !> m
     real(wp), intent(out) :: x(:), y(:)
 
-    if (allocated(this%x_rate)) then
-      associate (s => time - this%time)
-        x = this%x + s*(this%x_rate + s*this%x_bend)
-        y = this%y + s*(this%y_rate + s*this%y_bend)
-      end associate
-    else
-      x = this%x
-      y = this%y
-    end if
+    real(wp) :: s
+    integer :: k
+
+    x = this%x
+    y = this%y
+    if (.not. allocated(this%x_way)) return
+    s = (time - this%time)/this%step
+    do k = 1, size(x)
+      x(k) = x(k) + s*(this%x_way(1, k) + s*(this%x_way(2, k) + s*(this%x_way(3, k) + &
+                                                                   s*this%x_way(4, k))))
+      y(k) = y(k) + s*(this%y_way(1, k) + s*(this%y_way(2, k) + s*(this%y_way(3, k) + &
+                                                                   s*this%y_way(4, k))))
+    end do
   end subroutine find
 
   subroutine evaluate(this, expression, time, values, temperature)
@@ -59,7 +62,7 @@ contains
     real(wp), intent(in), optional :: temperature(:)
     real(wp), allocatable :: x(:), y(:)
 
-    if (.not. allocated(this%x_rate)) then
+    if (.not. allocated(this%x_way)) then
       call expression%evaluate(this%x, this%y, time, values=values, temperature=temperature)
       return
     end if
@@ -77,11 +80,10 @@ contains
     chosen%time = this%time
     chosen%x = this%x(particle)
     chosen%y = this%y(particle)
-    if (.not. allocated(this%x_rate)) return
-    chosen%x_rate = this%x_rate(particle)
-    chosen%y_rate = this%y_rate(particle)
-    chosen%x_bend = this%x_bend(particle)
-    chosen%y_bend = this%y_bend(particle)
+    chosen%step = this%step
+    if (.not. allocated(this%x_way)) return
+    chosen%x_way = this%x_way(:, particle)
+    chosen%y_way = this%y_way(:, particle)
   end function some
 
   pure function bytes(this) result(number)
@@ -90,7 +92,7 @@ contains
 
     number = 0
     if (allocated(this%x)) number = 2*storage_size(this%x, i8)/8*size(this%x)
-    if (allocated(this%x_rate)) number = 3*number
+    if (allocated(this%x_way)) number = 5*number
   end function bytes
 
 end module calor_places

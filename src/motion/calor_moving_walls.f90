@@ -236,8 +236,8 @@ contains
     end do
   end subroutine measure
 
-  !> Across the line from the particle before to the next one. Where the order of the particles is not
-  !> known there are none.
+  !> Across the line from the particle before to the next one. Where the order of the particles is
+  !> not known there are none.
   subroutine find_normals(this, x, y, normal)
     class(moving_walls_t), intent(in) :: this
     !> Places of all particles, m

@@ -5,7 +5,8 @@
 !> had at first; corners stay. So shifted, a particle is no longer the matter that it was: its
 !> temperature becomes that of the new place,
 !>
-!>     T(r + δ) ≈ T_i + Σ a_ij (T_j - T_i),   Σ a_ij P(r_ji) = P(δ) for all monomials P of degree 1 … d,
+!>     T(r + δ) ≈ T_i + Σ a_ij (T_j - T_i),   Σ a_ij P(r_ji) = P(δ) for all monomials P of degree 1
+!> … d,
 !>
 !> about the particle i that was nearest to the new place, with the weights of least norm
 !> (calor_taylor_weights): exact for polynomials of degree d, and no smoothing where δ = 0, as a

@@ -1,12 +1,12 @@
 !> Neighbour lists of particles that move: a list that reaches farther than is asked for, by a skin,
 !> serves until a pair that it lacks may have come within reach.
 !>
-!> That cannot be as long as no particle has moved by more than half the skin s, beside a rigid motion
-!> of all, which leaves distances as they are. Particles that flow move by much more, together with
-!> those around them. What counts then is by how much distances shrink: if every distance of listed
-!> pairs has kept at least the part R/(R + s), then, the motion being continuous, no pair farther
-!> apart than R + s has come nearer than R, with matter between them. What lies outside the reach R of
-!> the list is found anew.
+!> That cannot be as long as no particle has moved by more than half the skin s, beside a rigid
+!> motion of all, which leaves distances as they are. Particles that flow move by much more,
+!> together with those around them. What counts then is by how much distances shrink: if every
+!> distance of listed pairs has kept at least the part R/(R + s), then, the motion being continuous,
+!> no pair farther apart than R + s has come nearer than R, with matter between them. What lies
+!> outside the reach R of the list is found anew.
 module calor_skin_list
   use calor_constants, only: worth_threads
   use calor_kinds, only: wp, ip, i8

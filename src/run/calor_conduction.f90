@@ -131,16 +131,18 @@ contains
     call this%clear_prescribed(product)
   end subroutine jacobian_product
 
-  subroutine follow(this, places)
+  subroutine follow(this, x, y, places)
     class(conduction_t), intent(inout) :: this
-    !> Where particles will be in the steps to come
+    !> Where particles are, m
+    real(wp), intent(in) :: x(:), y(:)
+    !> Where they will be in the steps to come
     type(places_t), intent(in) :: places
     integer :: k
 
-    this%x = places%x
-    this%y = places%y
-    this%medium%x = places%x
-    this%medium%y = places%y
+    this%x = x
+    this%y = y
+    this%medium%x = x
+    this%medium%y = y
     do k = 1, size(this%prescribed)
       associate (held => this%prescribed(k))
         if (allocated(held%expression)) held%places = places%some(held%particle)

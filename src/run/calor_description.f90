@@ -53,7 +53,8 @@ contains
     call add(lines, 'Effects', effects(simulation))
     if (allocated(simulation%motion)) then
       call add(lines, 'Motion', 'rows follow the particles; a list of neighbours serves until '// &
-               'one has moved by half of its skin of '//to_text(simulation%motion%skin, digits=3)//' m')
+               'one has moved by half of its skin of '//to_text(simulation%motion%skin, &
+                                                                digits=3)//' m')
     end if
     if (simulation%scene%time%steady) then
       call add(lines, 'Time', 'steady state, by Newton''s method and a sparse direct solver')
@@ -330,19 +331,27 @@ contains
   function motion(simulation) result(text)
     type(simulation_t), intent(in) :: simulation
     character(len=:), allocatable :: text
+    !> Phases beside the steps themselves
+    character(len=*), parameter :: parts(*) = [character(len=15) :: 'motion', 'neighbour lists', &
+        'reassembly', 'shifting']
     real(wp) :: all
+    integer :: k
 
     associate (motion => simulation%motion, stopwatch => simulation%stopwatch)
       text = to_text(motion%steps)//' steps of the motion, rows made '// &
              to_text(motion%assemblies)//' times, lists of neighbours '// &
              to_text(motion%near%builds)//' times'
-      all = stopwatch%seconds_of('motion') + stopwatch%seconds_of('neighbour lists') + &
-            stopwatch%seconds_of('reassembly') + stopwatch%seconds_of('steps')
+      all = stopwatch%seconds_of('steps')
+      do k = 1, size(parts)
+        all = all + stopwatch%seconds_of(trim(parts(k)))
+      end do
       if (.not. all > 0) return
-      text = text//'; of the time of stepping, moving took '// &
-             to_text(100*stopwatch%seconds_of('motion')/all, digits=2)//' %, lists '// &
-             to_text(100*stopwatch%seconds_of('neighbour lists')/all, digits=2)//' %, rows '// &
-             to_text(100*stopwatch%seconds_of('reassembly')/all, digits=2)//' %'
+      text = text//'; of the time of stepping'
+      do k = 1, size(parts)
+        if (parts(k) == 'shifting' .and. .not. simulation%scene%motion%shifting) cycle
+        text = text//', '//trim(parts(k))//' '// &
+               to_text(100*stopwatch%seconds_of(trim(parts(k)))/all, digits=2)//' %'
+      end do
     end associate
   end function motion
 

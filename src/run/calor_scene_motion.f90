@@ -41,6 +41,9 @@ module calor_scene_motion
   real(wp), parameter :: least_strain = 1.0e-6_wp
   !> How far places may be wrong after a step, in spacings
   real(wp), parameter :: path_tolerance = 1.0e-6_wp
+  !> How far the polynomials that tell where particles are within a step may be from their paths, in
+  !> spacings
+  real(wp), parameter :: way_tolerance = 1.0e-5_wp
   !> A step of the motion is no longer than so many of the one before
   real(wp), parameter :: growth = 2.0_wp
   !> What the divergence of a velocity may be, as a part of its derivatives
@@ -51,7 +54,7 @@ module calor_scene_motion
   !> A motion under way
   type :: motion_t
     type(velocity_t) :: velocity
-    !> Paths of the present step, and the parabolas through them
+    !> Paths of the present step, and polynomials for them
     type(particle_path_t) :: path
     type(places_t) :: places
     !> The walls, which go with their particles
@@ -112,6 +115,7 @@ contains
     !> The velocity cannot be used, or walls not be followed
     type(error_t), allocatable, intent(out) :: error
     type(group_t) :: group
+    real(wp), allocatable :: u(:), v(:)
     integer :: first, second
 
     call scene%file%group('motion', group)
@@ -129,17 +133,19 @@ contains
     this%rows_y = cloud%y
     call find_closest(this%near%list, cloud%x, cloud%y, first, second, this%least_distance)
     this%least_distance = min(nearest*cloud%spacing, 0.5_wp*this%least_distance)
-    allocate (this%places%x_rate(cloud%particles()), this%places%y_rate(cloud%particles()))
-    call this%check_velocity(cloud, 0.0_wp, this%places%x_rate, this%places%y_rate, error)
+    allocate (u(cloud%particles()), v(cloud%particles()))
+    call this%check_velocity(cloud, 0.0_wp, u, v, error)
     if (allocated(error)) then
       error%status = status_bad_input
       return
     end if
     this%places%x = cloud%x
     this%places%y = cloud%y
-    allocate (this%places%x_bend(cloud%particles()), this%places%y_bend(cloud%particles()), &
+    allocate (this%places%x_way(4, cloud%particles()), this%places%y_way(4, cloud%particles()), &
               source=0.0_wp)
-    call conduction%follow(this%places)
+    this%places%x_way(1, :) = u
+    this%places%y_way(1, :) = v
+    call conduction%follow(cloud%x, cloud%y, this%places)
   end subroutine prepare
 
   !> Choose a step that begins at a time and is no longer than what remains, and find the paths.
@@ -151,7 +157,7 @@ contains
     real(wp), intent(in) :: time, remaining
     !> The velocity cannot be used
     type(error_t), allocatable, intent(out) :: error
-    real(wp) :: step, limit
+    real(wp) :: step, limit, wrong
 
     call this%step_limit(cloud, time, remaining, limit, error)
     if (allocated(error)) return
@@ -170,11 +176,18 @@ contains
       call this%path%follow(this%velocity, cloud%x, cloud%y, time, step, &
                             path_tolerance*cloud%spacing, error)
       if (allocated(error)) return
+      call this%path%interpolate(this%velocity, this%places, wrong)
       ! A velocity that changes with time may strain more than it did at the beginning.
       associate (path => this%path)
-        if (max(largest_strain(this%near%list, cloud%x, cloud%y, path%x_middle, path%y_middle), &
+        if (wrong > way_tolerance*cloud%spacing) then
+          limit = step*max(0.2_wp, 0.9_wp*(way_tolerance*cloud%spacing/wrong)**0.2_wp)
+          cycle
+        else if (max(largest_strain(this%near%list, cloud%x, cloud%y, path%x_middle, &
+                                    path%y_middle), &
                 largest_strain(this%near%list, cloud%x, cloud%y, path%x_end, path%y_end)) <= &
-            1.5_wp*most_strain) exit
+            1.5_wp*most_strain) then
+          exit
+        end if
       end associate
       limit = 0.5_wp*step
       this%rejected = this%rejected + 1
@@ -182,7 +195,6 @@ contains
     this%last_step = step
     if (step >= remaining) this%last_step = max(step, limit)
     this%steps = this%steps + 1
-    call this%path%parabola(this%places)
   end subroutine plan
 
   !> How long a step may be for what the velocity is at its beginning, and halfway, and at its end.
@@ -305,7 +317,7 @@ contains
     cloud%y = this%path%y_middle
     call this%renew_rows(scene, cloud, conduction, rows, renewed, error, stopwatch)
     if (allocated(error)) return
-    call conduction%follow(this%places)
+    call conduction%follow(cloud%x, cloud%y, this%places)
   end subroutine enter_middle
 
   !> Go to where the particles are at a time of the step; the rows stay what they are.
@@ -315,7 +327,6 @@ contains
     real(wp), intent(in) :: time
     type(cloud_t), intent(inout) :: cloud
     type(conduction_t), intent(inout) :: conduction
-    real(wp) :: ahead
 
     associate (path => this%path, places => this%places)
       if (time >= path%time + path%step) then
@@ -327,15 +338,8 @@ contains
       else
         call places%find(time, cloud%x, cloud%y)
       end if
-      ! The same parabolas about another time
-      ahead = time - places%time
-      places%time = time
-      places%x = cloud%x
-      places%y = cloud%y
-      places%x_rate = places%x_rate + 2*ahead*places%x_bend
-      places%y_rate = places%y_rate + 2*ahead*places%y_bend
     end associate
-    call conduction%follow(this%places)
+    call conduction%follow(cloud%x, cloud%y, this%places)
   end subroutine go_to
 
   !> Walls and rows for where the particles are. The neighbours are looked up in a list with a skin,
@@ -391,8 +395,8 @@ contains
     this%rows_y = cloud%y
   end subroutine renew_rows
 
-  !> Spread particles more evenly; the field is taken to the new places exactly for polynomials of the
-  !> degree that the rows are exact for.
+  !> Spread particles more evenly; the field is taken to the new places exactly for polynomials of
+  !> the degree that the rows are exact for.
   subroutine shift(this, scene, cloud, conduction, field)
     class(motion_t), intent(inout) :: this
     type(scene_t), intent(in) :: scene
@@ -412,11 +416,11 @@ contains
     call carry_field(cloud, this%maker%kernel, degree, &
                      max(scene%support, natural_support(degree))*cloud%spacing, this%near, &
                      origin, x, y, field)
+    this%places%x = this%places%x + (x - cloud%x)
+    this%places%y = this%places%y + (y - cloud%y)
     cloud%x = x
     cloud%y = y
-    this%places%x = x
-    this%places%y = y
-    call conduction%follow(this%places)
+    call conduction%follow(x, y, this%places)
   end subroutine shift
 
   !> The area of the body stays what it was, for the motion is without divergence.

@@ -524,7 +524,7 @@ contains
                                 this%stopwatch)
     if (allocated(error) .or. .not. renewed) return
     call this%adopt_rows(rows, error)
-    call this%conduction%follow(this%motion%places)
+    call this%conduction%follow(this%cloud%x, this%cloud%y, this%motion%places)
     if (.not. this%scene%motion%shifting) return
     call this%motion%share_area(this%cloud)
     this%conduction%medium%area = this%cloud%area
