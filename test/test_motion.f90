@@ -266,8 +266,8 @@ contains
     do k = 1, size(matter)
       call run_scene(common//trim(matter(k)), still, error)
       if (allocated(error)) return
-      call run_scene(common//trim(matter(k))//'&motion velocity_x_expression = ''1-y'' '// &
-                     'velocity_y_expression = ''x+t'' / ', moving, error)
+      call run_scene(common//trim(matter(k))//'&motion velocity_x_expression = ''1-y/4'' '// &
+                     'velocity_y_expression = ''x/4+t'' / ', moving, error)
       if (allocated(error)) return
       ! In one step of the motion the same steps are taken.
       call check(error, moving%motion%steps, 1)

@@ -1,4 +1,4 @@
-!> Places of particles, which may move: polynomials of degree 4 in time.
+!> Places of particles, which may move: polynomials of degree 5 in time.
 module calor_places
   use calor_expression, only: expression_t
   use calor_kinds, only: wp, ip, i8
@@ -11,7 +11,7 @@ module calor_places
   type :: places_t
     !> Coordinates at `time`, m
     real(wp), allocatable :: x(:), y(:)
-    !> Coefficients of s … s⁴, m, a column for each particle; allocated only where particles move
+    !> Coefficients of s … s⁵, m, a column for each particle; allocated only where particles move
     real(wp), allocatable :: x_way(:, :), y_way(:, :)
     !> s
     real(wp) :: time = 0.0_wp, step = 1.0_wp
@@ -43,11 +43,19 @@ contains
     if (.not. allocated(this%x_way)) return
     s = (time - this%time)/this%step
     do k = 1, size(x)
-      x(k) = x(k) + s*(this%x_way(1, k) + s*(this%x_way(2, k) + s*(this%x_way(3, k) + &
-                                                                   s*this%x_way(4, k))))
-      y(k) = y(k) + s*(this%y_way(1, k) + s*(this%y_way(2, k) + s*(this%y_way(3, k) + &
-                                                                   s*this%y_way(4, k))))
+      x(k) = x(k) + along(this%x_way(:, k))
+      y(k) = y(k) + along(this%y_way(:, k))
     end do
+
+  contains
+
+    pure function along(way) result(distance)
+      real(wp), intent(in) :: way(5)
+      real(wp) :: distance
+
+      distance = s*(way(1) + s*(way(2) + s*(way(3) + s*(way(4) + s*way(5)))))
+    end function along
+
   end subroutine find
 
   subroutine evaluate(this, expression, time, values, temperature)
@@ -92,7 +100,7 @@ contains
 
     number = 0
     if (allocated(this%x)) number = 2*storage_size(this%x, i8)/8*size(this%x)
-    if (allocated(this%x_way)) number = 5*number
+    if (allocated(this%x_way)) number = 6*number
   end function bytes
 
 end module calor_places

@@ -22,6 +22,8 @@ module calor_velocity
     procedure :: read => read_velocity
     !> Both components at some places
     procedure :: at
+    !> Its divergence there, from differences
+    procedure :: find_divergence
     !> Whether it changes with time
     procedure :: is_unsteady
   end type velocity_t
@@ -66,23 +68,51 @@ contains
     !> m/s
     real(wp), intent(out) :: velocity_x(:), velocity_y(:)
 
+    call evaluate(this%x, x, y, time, velocity_x)
+    call evaluate(this%y, x, y, time, velocity_y)
+  end subroutine at
+
+  subroutine find_divergence(this, x, y, time, distance, divergence, derivative)
+    class(velocity_t), intent(inout) :: this
+    !> Places, m, and time, s
+    real(wp), intent(in) :: x(:), y(:), time
+    !> Differences are taken over this distance on both sides, m
+    real(wp), intent(in) :: distance
+    !> d/dx velocity_x + d/dy velocity_y, 1/s; no number where one beside a place is none
+    real(wp), intent(out) :: divergence(:)
+    !> The first of the two terms, 1/s
+    real(wp), intent(out) :: derivative(:)
+    real(wp), allocatable :: ahead(:), behind(:)
+
+    allocate (ahead(size(x)), behind(size(x)))
+    call evaluate(this%x, x + distance, y, time, ahead)
+    call evaluate(this%x, x - distance, y, time, behind)
+    derivative = (ahead - behind)/(2*distance)
+    call evaluate(this%y, x, y + distance, time, ahead)
+    call evaluate(this%y, x, y - distance, time, behind)
+    divergence = derivative + (ahead - behind)/(2*distance)
+  end subroutine find_divergence
+
+  !> Of many places each thread takes a part.
+  subroutine evaluate(expression, x, y, time, values)
+    type(expression_t), intent(inout) :: expression
+    real(wp), intent(in) :: x(:), y(:), time
+    real(wp), intent(out) :: values(:)
     integer :: block, blocks, from, to
 
-    if (size(x) <= worth_threads) then
-      call this%x%evaluate(x, y, time, values=velocity_x)
-      call this%y%evaluate(x, y, time, values=velocity_y)
+    blocks = omp_get_max_threads()
+    if (size(x) <= worth_threads .or. blocks == 1) then
+      call expression%evaluate(x, y, time, values=values)
       return
     end if
-    blocks = omp_get_max_threads()
     !$omp parallel do schedule(static) default(shared) private(block, from, to)
     do block = 1, blocks
       from = int(size(x, kind=i8)*(block - 1)/blocks) + 1
       to = int(size(x, kind=i8)*block/blocks)
-      call evaluate_copy(this%x, x(from:to), y(from:to), time, velocity_x(from:to))
-      call evaluate_copy(this%y, x(from:to), y(from:to), time, velocity_y(from:to))
+      call evaluate_copy(expression, x(from:to), y(from:to), time, values(from:to))
     end do
     !$omp end parallel do
-  end subroutine at
+  end subroutine evaluate
 
   !> Each thread needs an expression of its own.
   subroutine evaluate_copy(expression, x, y, time, values)

@@ -41,9 +41,6 @@ module calor_scene_motion
   real(wp), parameter :: least_strain = 1.0e-6_wp
   !> How far places may be wrong after a step, in spacings
   real(wp), parameter :: path_tolerance = 1.0e-6_wp
-  !> How far the polynomials that tell where particles are within a step may be from their paths, in
-  !> spacings
-  real(wp), parameter :: way_tolerance = 1.0e-5_wp
   !> A step of the motion is no longer than so many of the one before
   real(wp), parameter :: growth = 2.0_wp
   !> What the divergence of a velocity may be, as a part of its derivatives
@@ -91,11 +88,12 @@ module calor_scene_motion
     procedure :: share_area
     !> Rows for where the particles are
     procedure :: renew_rows
-    !> About how long a step may be, s
-    procedure :: step_limit
+    !> About how long the first step will be, s
+    procedure :: first_step
     !> Memory that it takes, bytes
     procedure :: bytes
     procedure, private :: check_velocity
+    procedure, private :: step_limit
   end type motion_t
 
 contains
@@ -141,7 +139,7 @@ contains
     end if
     this%places%x = cloud%x
     this%places%y = cloud%y
-    allocate (this%places%x_way(4, cloud%particles()), this%places%y_way(4, cloud%particles()), &
+    allocate (this%places%x_way(5, cloud%particles()), this%places%y_way(5, cloud%particles()), &
               source=0.0_wp)
     this%places%x_way(1, :) = u
     this%places%y_way(1, :) = v
@@ -157,9 +155,13 @@ contains
     real(wp), intent(in) :: time, remaining
     !> The velocity cannot be used
     type(error_t), allocatable, intent(out) :: error
+    real(wp), allocatable :: u(:), v(:)
     real(wp) :: step, limit, wrong
 
-    call this%step_limit(cloud, time, remaining, limit, error)
+    allocate (u(cloud%particles()), v(cloud%particles()))
+    call this%check_velocity(cloud, time, u, v, error)
+    if (allocated(error)) return
+    call this%step_limit(cloud, time, remaining, u, v, limit, error)
     if (allocated(error)) return
     limit = min(limit, this%longest_step, growth*this%last_step)
     do
@@ -173,14 +175,12 @@ contains
                    'for any step.')
         return
       end if
-      call this%path%follow(this%velocity, cloud%x, cloud%y, time, step, &
-                            path_tolerance*cloud%spacing, error)
+      call this%path%follow(this%velocity, cloud%x, cloud%y, u, v, time, step, wrong, error)
       if (allocated(error)) return
-      call this%path%interpolate(this%velocity, this%places, wrong)
       ! A velocity that changes with time may strain more than it did at the beginning.
       associate (path => this%path)
-        if (wrong > way_tolerance*cloud%spacing) then
-          limit = step*max(0.2_wp, 0.9_wp*(way_tolerance*cloud%spacing/wrong)**0.2_wp)
+        if (wrong > path_tolerance*cloud%spacing) then
+          limit = step*max(0.1_wp, 0.9_wp*(path_tolerance*cloud%spacing/wrong)**0.2_wp)
           cycle
         else if (max(largest_strain(this%near%list, cloud%x, cloud%y, path%x_middle, &
                                     path%y_middle), &
@@ -195,26 +195,42 @@ contains
     this%last_step = step
     if (step >= remaining) this%last_step = max(step, limit)
     this%steps = this%steps + 1
+    call this%path%interpolate(this%places)
   end subroutine plan
 
+  function first_step(this, cloud, longest) result(step)
+    class(motion_t), intent(inout) :: this
+    !> The cloud at time 0
+    type(cloud_t), intent(in) :: cloud
+    !> The longest step in question, s
+    real(wp), intent(in) :: longest
+    real(wp) :: step
+    type(error_t), allocatable :: error
+    real(wp), allocatable :: u(:), v(:)
+
+    allocate (u(cloud%particles()), v(cloud%particles()))
+    call this%velocity%at(cloud%x, cloud%y, 0.0_wp, u, v)
+    call this%step_limit(cloud, 0.0_wp, min(longest, this%longest_step), u, v, step, error)
+    if (allocated(error)) step = longest
+  end function first_step
+
   !> How long a step may be for what the velocity is at its beginning, and halfway, and at its end.
-  subroutine step_limit(this, cloud, time, remaining, limit, error)
+  subroutine step_limit(this, cloud, time, remaining, u, v, limit, error)
     class(motion_t), intent(inout) :: this
     !> The cloud, and the time, s
     type(cloud_t), intent(in) :: cloud
     real(wp), intent(in) :: time
     !> The longest step in question, s
     real(wp), intent(in) :: remaining
+    !> The velocities at that time, m/s
+    real(wp), intent(in) :: u(:), v(:)
     !> s
     real(wp), intent(out) :: limit
     !> The velocity cannot be used
     type(error_t), allocatable, intent(out) :: error
-    real(wp), allocatable :: u(:), v(:)
+    real(wp), allocatable :: later_u(:), later_v(:)
     real(wp) :: rate
 
-    allocate (u(cloud%particles()), v(cloud%particles()))
-    call this%check_velocity(cloud, time, u, v, error)
-    if (allocated(error)) return
     rate = strain_rate(this%near%list, cloud%x, cloud%y, u, v)
     if (rate*cloud%spacing > relative_speed(u, v)*(1 + 1.0e-9_wp) .and. &
         rate*remaining > least_strain) then
@@ -228,10 +244,11 @@ contains
     limit = remaining
     if (rate*limit > most_strain) limit = most_strain/rate
     if (.not. this%velocity%is_unsteady()) return
-    call this%velocity%at(cloud%x, cloud%y, time + 0.5_wp*limit, u, v)
-    rate = max(rate, strain_rate(this%near%list, cloud%x, cloud%y, u, v))
-    call this%velocity%at(cloud%x, cloud%y, time + limit, u, v)
-    rate = max(rate, strain_rate(this%near%list, cloud%x, cloud%y, u, v))
+    allocate (later_u(size(u)), later_v(size(v)))
+    call this%velocity%at(cloud%x, cloud%y, time + 0.5_wp*limit, later_u, later_v)
+    rate = max(rate, strain_rate(this%near%list, cloud%x, cloud%y, later_u, later_v))
+    call this%velocity%at(cloud%x, cloud%y, time + limit, later_u, later_v)
+    rate = max(rate, strain_rate(this%near%list, cloud%x, cloud%y, later_u, later_v))
     if (rate*limit > most_strain) limit = most_strain/rate
   end subroutine step_limit
 
@@ -253,8 +270,8 @@ contains
     type(error_t), allocatable, intent(out) :: error
     !> Differences are taken over this part of the spacing
     real(wp), parameter :: part = 1.0e-3_wp
-    real(wp), allocatable :: ahead_u(:), ahead_v(:), behind_u(:), behind_v(:), divergence(:)
-    real(wp) :: distance, derivatives, rounding
+    real(wp), allocatable :: divergence(:), derivative(:)
+    real(wp) :: distance, rounding
     integer :: worst, n
 
     call this%velocity%at(cloud%x, cloud%y, time, u, v)
@@ -267,20 +284,16 @@ contains
     end if
     n = size(u)
     distance = part*cloud%spacing
-    allocate (ahead_u(n), ahead_v(n), behind_u(n), behind_v(n), divergence(n))
-    call this%velocity%at(cloud%x + distance, cloud%y, time, ahead_u, ahead_v)
-    call this%velocity%at(cloud%x - distance, cloud%y, time, behind_u, behind_v)
-    divergence = (ahead_u - behind_u)/(2*distance)
-    derivatives = largest(ahead_u - behind_u, ahead_v - behind_v)/(2*distance)
-    call this%velocity%at(cloud%x, cloud%y + distance, time, ahead_u, ahead_v)
-    call this%velocity%at(cloud%x, cloud%y - distance, time, behind_u, behind_v)
-    divergence = divergence + (ahead_v - behind_v)/(2*distance)
-    derivatives = max(derivatives, largest(ahead_u - behind_u, ahead_v - behind_v)/(2*distance))
+    allocate (divergence(n), derivative(n))
+    call this%velocity%find_divergence(cloud%x, cloud%y, time, distance, divergence, derivative)
     ! Beside a wall there may be no velocity beyond it.
-    where (.not. ieee_is_finite(divergence)) divergence = 0
+    where (.not. (ieee_is_finite(divergence) .and. ieee_is_finite(derivative)))
+      divergence = 0
+      derivative = 0
+    end where
     worst = maxloc(abs(divergence), dim=1)
     rounding = 1.0e-13_wp*max(maxval(abs(u)), maxval(abs(v)))/distance
-    if (abs(divergence(worst)) <= largest_divergence*derivatives + rounding) return
+    if (abs(divergence(worst)) <= largest_divergence*maxval(abs(derivative)) + rounding) return
     call raise(error, status_bad_numbers, this%velocity%place//': at t = '// &
                to_text(time, digits=6)//' s the velocity has the divergence '// &
                to_text(divergence(worst), digits=3)//' 1/s at ('// &
@@ -288,14 +301,6 @@ contains
                '), so that the density would change, which is constant: give a velocity with '// &
                'd/dx velocity_x + d/dy velocity_y = 0.')
   end subroutine check_velocity
-
-  !> The largest of two lists that is a number
-  pure function largest(a, b)
-    real(wp), intent(in) :: a(:), b(:)
-    real(wp) :: largest
-
-    largest = max(maxval(abs(a), ieee_is_finite(a)), maxval(abs(b), ieee_is_finite(b)), 0.0_wp)
-  end function largest
 
   !> Go to the middle of the step, with rows for it.
   subroutine enter_middle(this, scene, cloud, conduction, rows, renewed, error, stopwatch)
@@ -440,10 +445,7 @@ contains
     class(motion_t), intent(in) :: this
     integer(i8) :: number
 
-    number = this%near%bytes() + this%places%bytes()
-    if (allocated(this%path%x_start)) then
-      number = number + 6*size(this%path%x_start, kind=i8)*storage_size(1.0_wp)/8
-    end if
+    number = this%near%bytes() + this%places%bytes() + this%path%bytes()
     if (allocated(this%rows_x)) then
       number = number + 2*size(this%rows_x, kind=i8)*storage_size(1.0_wp)/8
     end if

@@ -735,13 +735,11 @@ contains
   function motion_step(this) result(step)
     class(simulation_t), intent(inout) :: this
     real(wp) :: step
-    type(error_t), allocatable :: error
     real(wp) :: longest
 
-    longest = min(this%scene%time%end, this%motion%longest_step)
+    longest = this%scene%time%end
     if (this%scene%output%every > 0) longest = min(longest, this%scene%output%every)
-    call this%motion%step_limit(this%cloud, 0.0_wp, longest, step, error)
-    if (allocated(error)) step = longest
+    step = this%motion%first_step(this%cloud, longest)
   end function motion_step
 
   !> Whether a run would be stable: every row is exact or may be inexact, and no eigenvalue lies to
