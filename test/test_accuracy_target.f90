@@ -24,6 +24,7 @@ contains
     testsuite = [ &
                 new_unittest('targets from 1e-2 to 1e-7', test_targets), &
                 new_unittest('changing walls', test_changing_walls), &
+                new_unittest('a steady temperature', test_steady), &
                 new_unittest('a file is written once, whole', test_file), &
                 new_unittest('a fixed cloud: what cannot be reached is said', test_fixed_cloud), &
                 new_unittest('too few particles for coarse pilots', test_small_body), &
@@ -97,6 +98,27 @@ contains
     if (allocated(error)) return
     call check(error, search%simulation%relative_l2_error() <= slack*1.0e-5_wp)
   end subroutine test_changing_walls
+
+  subroutine test_steady(error)
+    type(test_error), allocatable, intent(out) :: error
+    character(len=*), parameter :: field = 'exp(2*x)*sin(2*y)'
+    type(target_search_t) :: search
+    integer :: exponent
+
+    do exponent = 3, 7, 2
+      call search_for('&scene exact_expression = "'//field//'" / &domain x_range = 0, 1 '// &
+                      'y_range = 0, 1 arrangement = "jittered" spacing = 0.05 / '// &
+                      '&boundary value_expression = "'//field//'" / &boundary on = "top" '// &
+                      'kind = "convection" coefficient = 2 ambient_expression = "'//field// &
+                      ' + exp(2*x)*cos(2*y)" / &time steady = T / &accuracy target = 1e-'// &
+                      to_text(exponent)//' /', search, error)
+      if (allocated(error)) return
+      call check(error, search%simulation%relative_l2_error() <= slack*10.0_wp**(-exponent), &
+                 'target 1e-'//to_text(exponent)//': true error '// &
+                 to_text(search%simulation%relative_l2_error(), digits=3))
+      if (allocated(error)) return
+    end do
+  end subroutine test_steady
 
   subroutine test_file(error)
     type(test_error), allocatable, intent(out) :: error

@@ -26,6 +26,8 @@ contains
                 new_unittest('errors of time steps', test_time), &
                 new_unittest('changing walls, a lower mode', test_other_field), &
                 new_unittest('scenes with other shapes and walls', test_scenes), &
+                new_unittest('initial temperatures that jump', test_jumps), &
+                new_unittest('steady temperatures', test_steady), &
                 new_unittest('a field that the scheme gets right', test_exact), &
                 new_unittest('what is written', test_written), &
                 new_unittest('without it nothing is carried along', test_absent) &
@@ -172,6 +174,74 @@ contains
       if (allocated(error)) return
     end do
   end subroutine test_scenes
+
+  !> Where between two particles a field jumps the particles do not tell: an error of first order.
+  !> A front along a column of particles, with the insulated slab's Fourier series, and one at an
+  !> angle.
+  subroutine test_jumps(error)
+    type(test_error), allocatable, intent(out) :: error
+    character(len=9), parameter :: arrangements(*) = [character(len=9) :: 'lattice', 'jittered', &
+                                                      'relaxed']
+    character(len=*), parameter :: front = '0.5-0.5*erf((0.6*x+0.8*y-0.51)/(2*sqrt(t+1e-20)))'
+    type(scene_t) :: scene
+    type(simulation_t) :: simulation
+    type(error_t), allocatable :: failure
+    integer :: k
+
+    do k = 1, size(arrangements)
+      call read_scene('data/verification/slab_step.nml', scene, failure)
+      if (.not. allocated(failure)) then
+        scene%domain%arrangement = trim(arrangements(k))
+        scene%accuracy%estimate = .true.
+        call simulation%prepare(scene, failure)
+      end if
+      if (.not. allocated(failure)) call simulation%run(failure)
+      if (allocated(failure)) then
+        call check(error, .false., failure%message)
+        return
+      end if
+      call judge(simulation, 2.0_wp, 'a step, '//trim(arrangements(k)), error)
+      if (allocated(error)) return
+      call run_scene('&scene exact_expression = "'//front//'" / &domain x_range = 0, 1 '// &
+                     'y_range = 0, 0.5 spacing = 0.025 arrangement = "'// &
+                     trim(arrangements(k))//'" / &initial temperature_expression = '// &
+                     '"0.6*x + 0.8*y < 0.51 ? 1 : 0" / &boundary value_expression = "'//front// &
+                     '" / &time end = 0.005 / &accuracy estimate = T /', simulation, error)
+      if (allocated(error)) return
+      call judge(simulation, 2.0_wp, 'a front, '//trim(arrangements(k)), error)
+      if (allocated(error)) return
+    end do
+  end subroutine test_jumps
+
+  !> A harmonic field, held on two walls and with convection on the others; and with radiation, for
+  !> which Newton's method takes several steps.
+  subroutine test_steady(error)
+    type(test_error), allocatable, intent(out) :: error
+    character(len=*), parameter :: field = '300 + 20*exp(2*x)*sin(2*y)'
+    character(len=*), parameter :: schemes(*) = [character(len=40) :: &
+        'laplacian = "fatehi_manzari"', 'laplacian = "consistent" order = 4']
+    real(wp), parameter :: jitters(*) = [0.0_wp, 0.3_wp]
+    type(simulation_t) :: simulation
+    integer :: k, j
+
+    do k = 1, size(schemes)
+      do j = 1, size(jitters)
+        call run_scene('&scene exact_expression = "'//field//'" / &domain x_range = 0, 1 '// &
+                       'y_range = 0, 1 arrangement = "jittered" spacing = 0.05 jitter = '// &
+                       to_text(jitters(j))//' / &scheme '//trim(schemes(k))//' / '// &
+                       '&boundary value_expression = "'//field//'" / &boundary on = "top" '// &
+                       'kind = "convection" coefficient = 2 ambient_expression = "'//field// &
+                       ' + 20*exp(2*x)*cos(2*y)" / &boundary on = "right" kind = "radiation" '// &
+                       'emissivity = 0.9 ambient_expression = "(('//field//')^4 + '// &
+                       '40*exp(2*x)*sin(2*y)/(0.9*5.670374419e-8))^0.25" / '// &
+                       '&time steady = T / &accuracy estimate = T /', simulation, error)
+        if (allocated(error)) return
+        call judge(simulation, 1.5_wp, 'steady, '//trim(schemes(k))//', jitter '// &
+                   to_text(jitters(j)), error)
+        if (allocated(error)) return
+      end do
+    end do
+  end subroutine test_steady
 
   !> A quadratic field at rest: no error, and none is estimated.
   subroutine test_exact(error)

@@ -133,18 +133,25 @@ contains
     call add(lines, 'Wall time', to_text(simulation%stopwatch%total(), digits=3)// &
              ' s ('//phases//')')
     if (simulation%scene%output%file /= '') call add(lines, 'Written', simulation%scene%output%file)
-    if (allocated(simulation%estimate)) then
-      call add(lines, 'Estimate', 'relative L2 error '// &
-               to_text(simulation%estimated_error(), digits=3)//', at most '// &
-               to_text(simulation%estimated_maximum_error(), digits=3)//' K at a particle; the '// &
-               'estimates of the steps add up to '// &
-               to_text(simulation%stepper%accumulated_error, digits=2)//' K')
-    end if
+    if (allocated(simulation%estimate)) call add(lines, 'Estimate', estimate())
     if (simulation%knows_exact()) then
       call add(lines, 'Error', 'relative L2 error '// &
                to_text(simulation%relative_l2_error(), digits=3)//' at t = '// &
                to_text(simulation%time, digits=6)//' s')
     end if
+
+  contains
+
+    function estimate() result(text)
+      character(len=:), allocatable :: text
+
+      text = 'relative L2 error '//to_text(simulation%estimated_error(), digits=3)//', at most '// &
+             to_text(simulation%estimated_maximum_error(), digits=3)//' K at a particle'
+      if (simulation%scene%time%steady) return
+      text = text//'; the estimates of the steps add up to '// &
+             to_text(simulation%stepper%accumulated_error, digits=2)//' K'
+    end function estimate
+
   end function describe_result
 
   subroutine add(lines, heading, content)

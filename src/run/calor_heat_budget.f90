@@ -7,6 +7,7 @@
 !> the left null vector of the operator of a body insulated all around, there is none: then the
 !> budget closes but for rounding, however coarse the cloud.
 module calor_heat_budget
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use calor_cloud, only: cloud_t
   use calor_conduction, only: conduction_t
   use calor_kinds, only: wp
@@ -261,6 +262,8 @@ contains
         end associate
       end do
       entry%imbalance = entry%stored_rate - sum(entry%power)
+      ! An expression may have no value beyond the last good state: its rate there is no number.
+      if (.not. ieee_is_finite(entry%imbalance)) return
       associate (all => max(sum(abs(capacity*this%weight*rate)), sum(abs(entry%power))))
         if (all > 0) entry%imbalance = entry%imbalance/all
       end associate

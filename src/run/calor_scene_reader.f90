@@ -497,14 +497,8 @@ contains
                     '&material latent_heat.')
     end if
     if (scene%accuracy%estimate .and. scene%motion%in_force) then
-      call raise_at(error, &
-                    group, '', 'the error of a run with moving particles is not estimated; '// &
-                    'remove &accuracy, or &motion.')
-      return
-    end if
-    if (scene%accuracy%estimate .and. scene%time%steady) then
-      call raise_at(error, group, '', 'the error of a steady temperature is not estimated; '// &
-                    'remove &accuracy, or &time steady.')
+      call raise_at(error, group, '', 'the error of a run with moving particles is not '// &
+                    'estimated; remove &accuracy, or &motion.')
     end if
   end subroutine read_accuracy
 

@@ -1,12 +1,15 @@
 !> The heat driver: a scene becomes a cloud, the cloud an operator, the operator is stepped in time.
 module calor_simulation
+  use calor_body, only: body_t
   use calor_cloud, only: cloud_t
   use calor_conduction, only: conduction_t
   use calor_error_transport, only: error_transport_t
   use calor_effect, only: effect_slot_t
   use calor_error, only: error_t, raise, status_bad_input, status_bad_numbers
+  use calor_evolution, only: evolution_t
   use calor_expression, only: expression_t, compile_expression
   use calor_heat_budget, only: heat_budget_t, budget_entry_t
+  use calor_initial_jumps, only: find_jump_errors
   use calor_integrators, only: make_integrator
   use calor_kernel, only: kernel_t
   use calor_kernels, only: make_kernel
@@ -15,6 +18,7 @@ module calor_simulation
   use calor_rightmost_eigenvalue, only: rightmost_t, find_rightmost
   use calor_row_report, only: row_report_t
   use calor_scene, only: scene_t
+  use calor_scene_body, only: make_scene_body
   use calor_scene_cloud, only: make_scene_cloud
   use calor_scene_evolution, only: make_scene_evolution, row_maker_t, scene_method, scene_rows_t
   use calor_scene_motion, only: motion_t
@@ -192,8 +196,13 @@ contains
     this%support_radius = scene%support*this%cloud%spacing
     call this%start_temperature(error)
     if (allocated(error)) return
-    call make_scene_evolution(scene, this%cloud, scene_method(scene), this%temperature, &
-                              this%conduction, rows, error, this%stopwatch, further, maker)
+    if (scene%motion%in_force) then
+      call make_scene_evolution(scene, this%cloud, scene_method(scene), this%temperature, &
+                                this%conduction, rows, error, this%stopwatch, further, maker)
+    else
+      call make_scene_evolution(scene, this%cloud, scene_method(scene), this%temperature, &
+                                this%conduction, rows, error, this%stopwatch, further)
+    end if
     if (allocated(error)) return
     if (this%conduction%mapping > 0) then
       allocate (this%content(size(this%temperature)))
@@ -208,23 +217,20 @@ contains
     end if
     call this%budget%prepare(this%cloud, this%conduction)
     allocate (this%entries(0))
-    if (scene%time%steady) then
-      call this%stopwatch%stop()
-      return
+    if (.not. scene%time%steady) then
+      call this%stopwatch%start('step control')
+      call this%choose_steps(error)
+      if (allocated(error)) return
     end if
-    call this%stopwatch%start('step control')
-    call this%choose_steps(error)
-    if (allocated(error)) return
     if (scene%accuracy%estimate) then
       call this%stopwatch%start('error estimate')
       call this%prepare_estimate(error, further)
       if (allocated(error)) return
     end if
+    call this%stopwatch%stop()
+    if (scene%time%steady) return
     if (present(uncertified)) then
-      if (uncertified) then
-        call this%stopwatch%stop()
-        return
-      end if
+      if (uncertified) return
     end if
     call this%stopwatch%start('stability')
     call this%find_growth()
@@ -384,7 +390,29 @@ contains
     if (allocated(error)) return
     if (mapping > 0) call this%conduction%find_state(this%temperature, this%content)
     call this%budget%close_exactly(this%conduction)
+    if (allocated(this%estimate)) then
+      call this%stopwatch%start('error estimate')
+      call settle_reference(this%estimate%reference)
+    end if
     call this%stopwatch%stop()
+
+  contains
+
+    !> The error of a steady temperature is what leads from it to that of the higher order.
+    subroutine settle_reference(reference)
+      class(evolution_t), intent(inout) :: reference
+      integer :: steps
+
+      select type (reference)
+      type is (conduction_t)
+        this%estimate%error = this%temperature
+        call find_steady_state(reference, this%scene%time%place, &
+                               tolerance*this%conduction%temperature_scale(), &
+                               this%estimate%error, steps, error)
+        this%estimate%error = this%estimate%error - this%temperature
+      end select
+    end subroutine settle_reference
+
   end subroutine settle
 
   !> The heat budget of the present state
@@ -632,6 +660,8 @@ contains
     type(scene_t) :: scene
     type(conduction_t) :: reference
     type(scene_rows_t) :: rows
+    type(expression_t) :: initial
+    type(body_t) :: body
     real(wp), allocatable :: temperature(:)
 
     scene = this%scene
@@ -650,6 +680,14 @@ contains
     allocate (this%estimate)
     call this%estimate%begin(this%conduction, reference, this%time, this%temperature, &
                              reference%spectral_bound())
+    ! A user's cloud comes without the body that it fills: what its cells are is not known.
+    if (scene%initial_expression == '' .or. scene%domain%shape == 'cloud') return
+    if (scene%time%steady) return
+    call compile_expression(scene%initial_expression, initial, error)
+    if (.not. allocated(error)) call make_scene_body(scene%domain, body, error)
+    if (allocated(error)) return
+    call find_jump_errors(initial, this%cloud, body, this%estimate%error)
+    call this%conduction%clear_prescribed(this%estimate%error)
   end subroutine prepare_estimate
 
   !> The temperature at the start, but for held walls, and the true temperature if it is known.
@@ -794,9 +832,11 @@ contains
     !> Some were found
     type(error_t), allocatable, intent(out) :: error
 
-    call this%stopwatch%start('stability')
-    call this%find_growth()
-    call this%stopwatch%stop()
+    if (.not. this%scene%time%steady) then
+      call this%stopwatch%start('stability')
+      call this%find_growth()
+      call this%stopwatch%stop()
+    end if
     call this%certify(error)
   end subroutine search_growth
 
