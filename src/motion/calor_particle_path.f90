@@ -1,8 +1,8 @@
 !> The paths of particles that a velocity field carries, over one step of the motion.
 !>
-!> dX/dt = v(X, t) is integrated by the classical Runge–Kutta method of fourth order, in two halves and
-!> once more as a whole: the difference, over 15, is what the halves are wrong by. Between the three
-!> places the path is the polynomial of degree 5 that has their velocities too.
+!> dX/dt = v(X, t) is integrated by the classical Runge–Kutta method of fourth order, in two halves
+!> and once more as a whole: the difference, over 15, is what the halves are wrong by. Between the
+!> three places the path is the polynomial of degree 5 that has their velocities too.
 module calor_particle_path
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use calor_constants, only: worth_threads

@@ -71,8 +71,8 @@ module calor_scene_motion
     real(wp), allocatable, private :: reach(:)
     !> Distance below which two particles meet, m
     real(wp), private :: least_distance = 0.0_wp
-    !> The step before, s
-    real(wp), private :: last_step = huge(1.0_wp)
+    !> The step before, s; 0: there was none
+    real(wp), private :: last_step = 0.0_wp
   contains
     !> Make ready
     procedure :: prepare
@@ -163,7 +163,8 @@ contains
     if (allocated(error)) return
     call this%step_limit(cloud, time, remaining, u, v, limit, error)
     if (allocated(error)) return
-    limit = min(limit, this%longest_step, growth*this%last_step)
+    limit = min(limit, this%longest_step)
+    if (this%last_step > 0) limit = min(limit, growth*this%last_step)
     do
       ! Steps of equal length to the end, rather than a tiny last one
       step = remaining
