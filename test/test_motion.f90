@@ -58,7 +58,7 @@ contains
                 new_unittest('sources and fluxes where the particles are', test_sources), &
                 new_unittest('shifted fields are exact for polynomials', test_carried_field), &
                 new_unittest('shifting keeps a vortex even', test_shifting), &
-                new_unittest('a clouds torn by a vortex ends the run', test_torn), &
+                new_unittest('a cloud torn by a vortex ends the run', test_torn), &
                 new_unittest('all schemes move', test_schemes), &
                 new_unittest('what cannot move is refused', test_refused), &
                 new_unittest('motion that is absent costs nothing', test_absent), &
@@ -477,6 +477,7 @@ contains
         'shape = ''annulus'' radius = 1 inner_radius = 0.4 spacing = 0.1', &
         'shape = ''polygon'' vertices = 0,0, 2,0, 1,1, 0,1 spacing = 0.1']
     real(wp) :: angle, exact(2)
+    real(wp), allocatable :: first(:, :), length(:)
     integer :: k, j
 
     angle = 0.7_wp
@@ -490,14 +491,18 @@ contains
           call test_failed(error, failure%message)
           return
         end if
+        first = contacts%normal
+        length = contacts%length
         call walls%measure(3 + cos(angle)*cloud%x - sin(angle)*cloud%y, &
                            sin(angle)*cloud%x + cos(angle)*cloud%y, contacts)
         do j = 1, size(contacts%particle)
-          exact = contacts%normal(:, j)
-          exact = [cos(angle)*exact(1) + sin(angle)*exact(2), &
-                   cos(angle)*exact(2) - sin(angle)*exact(1)]
-          contacts%normal(:, j) = exact
+          exact = [cos(angle)*first(1, j) - sin(angle)*first(2, j), &
+                   sin(angle)*first(1, j) + cos(angle)*first(2, j)]
+          call check(error, maxval(abs(contacts%normal(:, j) - exact)) < 1.0e-12_wp, 'rotated')
+          if (allocated(error)) return
         end do
+        call check(error, maxval(abs(contacts%length - length)) < 1.0e-12_wp, 'length')
+        if (allocated(error)) return
         call walls%measure(cloud%x, cloud%y, simulation%conduction%medium%contacts)
       end associate
     end do
