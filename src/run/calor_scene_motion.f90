@@ -231,6 +231,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     real(wp), allocatable :: later_u(:), later_v(:)
     real(wp) :: rate
+    integer :: k
 
     rate = strain_rate(this%near%list, cloud%x, cloud%y, u, v)
     if (rate*cloud%spacing > relative_speed(u, v)*(1 + 1.0e-9_wp) .and. &
@@ -246,10 +247,12 @@ contains
     if (rate*limit > most_strain) limit = most_strain/rate
     if (.not. this%velocity%is_unsteady()) return
     allocate (later_u(size(u)), later_v(size(v)))
-    call this%velocity%at(cloud%x, cloud%y, time + 0.5_wp*limit, later_u, later_v)
-    rate = max(rate, strain_rate(this%near%list, cloud%x, cloud%y, later_u, later_v))
-    call this%velocity%at(cloud%x, cloud%y, time + limit, later_u, later_v)
-    rate = max(rate, strain_rate(this%near%list, cloud%x, cloud%y, later_u, later_v))
+    do k = 1, 2
+      call this%velocity%at(cloud%x, cloud%y, time + 0.5_wp*k*limit, later_u, later_v)
+      ! Where it is no number, whoever follows the paths will find out.
+      if (.not. (all(ieee_is_finite(later_u)) .and. all(ieee_is_finite(later_v)))) return
+      rate = max(rate, strain_rate(this%near%list, cloud%x, cloud%y, later_u, later_v))
+    end do
     if (rate*limit > most_strain) limit = most_strain/rate
   end subroutine step_limit
 
