@@ -11,6 +11,7 @@ program main
   use test_convergence_study, only: collect_convergence_study
   use test_effects, only: collect_effects
   use test_melting, only: collect_melting
+  use test_motion, only: collect_motion
   use test_documents, only: collect_documents
   use test_error_estimate, only: collect_error_estimate
   use test_expression, only: collect_expression
@@ -64,6 +65,7 @@ program main
            new_testsuite('melting', collect_melting), &
            new_testsuite('materials', collect_materials), &
            new_testsuite('heat_content', collect_heat_content), &
+           new_testsuite('motion', collect_motion), &
            new_testsuite('hard cases', collect_hard_cases), &
            new_testsuite('convergence study', collect_convergence_study), &
            new_testsuite('cost study', collect_cost_study), &

@@ -406,7 +406,6 @@ contains
     type(error_type), allocatable, intent(out) :: error
 
     call expect_refusals(error, 'check', [ &
-        case_t('&motion velocity_x = 1 /', 2, 'line 11: &motion|this version|yet'), &
         case_t('&checkpoint file = ''a.h5'' /', 2, 'line 11: &checkpoint|this version|yet')])
   end subroutine test_later
 

@@ -166,11 +166,9 @@ contains
   subroutine test_later_groups(error)
     type(error_type), allocatable, intent(out) :: error
 
-    call refuse('&time end = 1 /'//lf//'&motion velocity_x = 1.0 /', 'a.nml, line 2: &motion: '// &
-                'this group is part of the scene format, but this version of calor cannot '// &
-                'move the particles yet; remove the group.', error)
-    if (allocated(error)) return
-    call refuse('&checkpoint file = ''a'' /', 'cannot write checkpoints yet', error)
+    call refuse('&time end = 1 /'//lf//'&checkpoint file = ''a'' /', 'a.nml, line 2: '// &
+                '&checkpoint: this group is part of the scene format, but this version of '// &
+                'calor cannot write checkpoints yet; remove the group.', error)
   end subroutine test_later_groups
 
   subroutine test_material_keys(error)
@@ -199,8 +197,8 @@ contains
     if (allocated(error)) return
     call check(error, index(help, 'spacing = ') == 0 .and. index(help, 'seed') == 0, help)
     if (allocated(error)) return
-    help = contract_help('motion')
-    call check(error, index(help, 'velocity, m/s (not yet)') > 0, help)
+    help = contract_help('checkpoint')
+    call check(error, index(help, 'time between two, s (not yet)') > 0, help)
     if (allocated(error)) return
     help = contract_help()
     call check(error, index(help, '&boundary') > 0 .and. index(help, '&cost') > 0, help)

@@ -26,6 +26,8 @@ module calor_stopwatch
     procedure :: stop => stop_phase
     !> Wall time of all phases, s
     procedure :: total
+    !> Wall time of a phase so far, s
+    procedure :: seconds_of
     !> Take over the phases of another stopwatch that ran inside one of this one's
     procedure :: take_over
   end type stopwatch_t
@@ -81,6 +83,20 @@ contains
     where (this%phases%name == outer_phase) this%phases%seconds = this%phases%seconds - seconds
     deallocate (inner%phases)
   end subroutine take_over
+
+  pure function seconds_of(this, name) result(seconds)
+    class(stopwatch_t), intent(in) :: this
+    !> The phase
+    character(len=*), intent(in) :: name
+    real(wp) :: seconds
+    integer :: k
+
+    seconds = 0
+    if (.not. allocated(this%phases)) return
+    do k = 1, size(this%phases)
+      if (this%phases(k)%name == name) seconds = this%phases(k)%seconds
+    end do
+  end function seconds_of
 
   pure function total(this) result(seconds)
     class(stopwatch_t), intent(in) :: this

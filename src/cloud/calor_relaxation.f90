@@ -7,7 +7,7 @@ module calor_relaxation
   implicit none (type, external)
   private
 
-  public :: relax_particles
+  public :: relax_particles, repulsion, push
 
   !> Particles repel each other up to this distance in spacings. At rest neighbours are some 1.07
   !> spacings apart, those behind them 1.8: each feels only those directly beside it.

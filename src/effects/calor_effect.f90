@@ -8,6 +8,7 @@ module calor_effect
   use calor_error, only: error_t
   use calor_kinds, only: wp, i8
   use calor_medium, only: medium_t
+  use calor_places, only: places_t
   use calor_scene_file, only: group_t
   implicit none (type, external)
   private
@@ -33,6 +34,8 @@ module calor_effect
     procedure(prepare_interface), deferred :: prepare
     !> Add its power at each particle
     procedure(add_power_interface), deferred :: add_power
+    !> Take note of new rows of wall particles, and of the paths of particles that move
+    procedure :: follow
     !> Whether its power depends on the temperature
     procedure :: has_slope
     !> Add the derivative of its power with respect to the temperature, at each particle
@@ -99,6 +102,18 @@ module calor_effect
   end interface
 
 contains
+
+  subroutine follow(this, medium, places)
+    class(effect_t), intent(inout) :: this
+    !> The particles; those of the same number as before are the same
+    type(medium_t), intent(in) :: medium
+    !> Where they will be
+    type(places_t), intent(in) :: places
+
+    ! Most that happens within a body happens to its matter, wherever that is.
+    associate (unused => this, also => medium, and => places)
+    end associate
+  end subroutine follow
 
   pure function has_slope(this) result(answer)
     class(effect_t), intent(in) :: this

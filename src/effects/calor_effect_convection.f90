@@ -3,6 +3,7 @@ module calor_effect_convection
   use calor_error, only: error_t
   use calor_kinds, only: wp
   use calor_medium, only: medium_t
+  use calor_places, only: places_t
   use calor_scene_file, only: group_t
   use calor_varying_value, only: varying_value_t
   use calor_wall_exchange, only: wall_exchange_t, refuse_other_keys
@@ -21,6 +22,7 @@ module calor_effect_convection
     procedure :: read_kind
     procedure :: prepare_kind
     procedure :: find_flux
+    procedure :: follow_kind
     procedure :: has_slope
     procedure :: find_flux_slope
     procedure :: is_linear
@@ -47,16 +49,24 @@ contains
     type(medium_t), intent(in) :: medium
     type(error_t), allocatable, intent(out) :: error
 
-    associate (unused => medium)
-    end associate
-    call this%coefficient%place_at(this%x, this%y, 0.0_wp, error, this%temperature, lowest=0.0_wp)
+    call this%coefficient%place_at(this%x, this%y, 0.0_wp, error, this%temperature, &
+                                   lowest=0.0_wp, in_motion=medium%in_motion)
     if (allocated(error)) return
-    call this%ambient%place_at(this%x, this%y, 0.0_wp, error, this%temperature)
+    call this%ambient%place_at(this%x, this%y, 0.0_wp, error, this%temperature, &
+                               in_motion=medium%in_motion)
     if (allocated(error)) return
     this%lowest = minval(this%ambient%value)
     this%highest = maxval(this%ambient%value)
     this%bytes = this%bytes + this%coefficient%bytes() + this%ambient%bytes()
   end subroutine prepare_kind
+
+  subroutine follow_kind(this, places)
+    class(convection_t), intent(inout) :: this
+    type(places_t), intent(in) :: places
+
+    call this%coefficient%follow(places)
+    call this%ambient%follow(places)
+  end subroutine follow_kind
 
   subroutine find_flux(this, time)
     class(convection_t), intent(inout) :: this

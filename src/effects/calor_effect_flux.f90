@@ -3,6 +3,7 @@ module calor_effect_flux
   use calor_error, only: error_t
   use calor_kinds, only: wp
   use calor_medium, only: medium_t
+  use calor_places, only: places_t
   use calor_scene_file, only: group_t
   use calor_varying_value, only: varying_value_t
   use calor_wall_exchange, only: wall_exchange_t, refuse_other_keys
@@ -18,6 +19,7 @@ module calor_effect_flux
     procedure :: read_kind
     procedure :: prepare_kind
     procedure :: find_flux
+    procedure :: follow_kind
     procedure :: has_slope
     procedure :: find_flux_slope
     procedure :: is_linear
@@ -42,11 +44,17 @@ contains
     type(medium_t), intent(in) :: medium
     type(error_t), allocatable, intent(out) :: error
 
-    associate (unused => medium)
-    end associate
-    call this%given%place_at(this%x, this%y, 0.0_wp, error, this%temperature)
+    call this%given%place_at(this%x, this%y, 0.0_wp, error, this%temperature, &
+                             in_motion=medium%in_motion)
     this%bytes = this%bytes + this%given%bytes()
   end subroutine prepare_kind
+
+  subroutine follow_kind(this, places)
+    class(flux_t), intent(inout) :: this
+    type(places_t), intent(in) :: places
+
+    call this%given%follow(places)
+  end subroutine follow_kind
 
   subroutine find_flux(this, time)
     class(flux_t), intent(inout) :: this

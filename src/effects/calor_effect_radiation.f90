@@ -3,6 +3,7 @@ module calor_effect_radiation
   use calor_error, only: error_t, raise, status_bad_input
   use calor_kinds, only: wp
   use calor_medium, only: medium_t
+  use calor_places, only: places_t
   use calor_scene_file, only: group_t
   use calor_scene_getters, only: place_of
   use calor_text, only: to_text
@@ -31,6 +32,7 @@ module calor_effect_radiation
     procedure :: read_kind
     procedure :: prepare_kind
     procedure :: find_flux
+    procedure :: follow_kind
     procedure :: has_slope
     procedure :: find_flux_slope
     procedure :: kept_range
@@ -57,13 +59,11 @@ contains
     type(error_t), allocatable, intent(out) :: error
     integer :: k
 
-    associate (unused => medium)
-    end associate
     call this%emissivity%place_at(this%x, this%y, 0.0_wp, error, this%temperature, lowest=0.0_wp, &
-                                  highest=1.0_wp)
+                                  highest=1.0_wp, in_motion=medium%in_motion)
     if (allocated(error)) return
     call this%ambient%place_at(this%x, this%y, 0.0_wp, error, this%temperature, lowest=0.0_wp, &
-                               highest=hottest)
+                               highest=hottest, in_motion=medium%in_motion)
     if (allocated(error)) return
     do k = 1, size(this%temperature)
       if (this%temperature(k) >= 0 .and. this%temperature(k) <= hottest) cycle
@@ -78,6 +78,14 @@ contains
     this%highest = maxval(this%ambient%value)
     this%bytes = this%bytes + this%emissivity%bytes() + this%ambient%bytes()
   end subroutine prepare_kind
+
+  subroutine follow_kind(this, places)
+    class(radiation_t), intent(inout) :: this
+    type(places_t), intent(in) :: places
+
+    call this%emissivity%follow(places)
+    call this%ambient%follow(places)
+  end subroutine follow_kind
 
   !> Below absolute zero, where only the error of a step can lead, nothing is radiated.
   subroutine find_flux(this, time)

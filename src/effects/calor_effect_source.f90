@@ -5,6 +5,7 @@ module calor_effect_source
   use calor_expression, only: expression_t
   use calor_kinds, only: wp, ip
   use calor_medium, only: medium_t
+  use calor_places, only: places_t
   use calor_scene_file, only: group_t
   use calor_scene_getters, only: get_expression, place_of, raise_at
   use calor_varying_value, only: varying_value_t
@@ -22,11 +23,16 @@ module calor_effect_source
     type(expression_t), private :: region
     !> Where the scene says so
     character(len=:), allocatable, private :: place
+    !> 1 within the region, 0 outside; allocated only where particles move into it and out of it,
+    !> and then all particles are those of the source
+    real(wp), allocatable, private :: inside(:)
+    type(places_t), private :: places
     !> Temperatures of its particles, where the power depends on them
     real(wp), allocatable, private :: temperature(:)
   contains
     procedure :: read => read_source
     procedure :: prepare
+    procedure :: follow
     procedure :: add_power
     procedure :: has_slope
     procedure :: add_slope
@@ -72,13 +78,19 @@ contains
       call this%region%evaluate(medium%x, medium%y, 0.0_wp, values=inside)
     end if
     this%particle = pack([(int(k, ip), k=1, size(inside))], abs(inside) > 0)
+    if (medium%in_motion .and. this%region%is_compiled()) then
+      this%particle = [(int(k, ip), k=1, size(inside))]
+      this%inside = inside
+      this%places%x = medium%x
+      this%places%y = medium%y
+    end if
     if (size(this%particle) == 0) then
       call raise(error, status_bad_input, this%place//': no particle lies where '// &
                  'where_expression says; widen it, or lower &domain spacing.')
       return
     end if
     call this%density%place_at(medium%x(this%particle), medium%y(this%particle), 0.0_wp, error, &
-                               temperature(this%particle))
+                               temperature(this%particle), in_motion=medium%in_motion)
     if (allocated(error)) return
     if (this%density%reacts) this%temperature = temperature(this%particle)
     this%bytes = this%density%bytes() + storage_size(this%particle)/8*size(this%particle)
@@ -104,10 +116,29 @@ contains
     else
       call this%density%update(time, temperature)
     end if
+    if (allocated(this%inside)) then
+      call this%places%evaluate(this%region, time, this%inside)
+      where (abs(this%inside) > 0) this%inside = 1
+      do k = 1, size(this%particle)
+        power(k) = power(k) + this%inside(k)*this%density%value(k)
+      end do
+      return
+    end if
     do k = 1, size(this%particle)
       power(this%particle(k)) = power(this%particle(k)) + this%density%value(k)
     end do
   end subroutine add_power
+
+  subroutine follow(this, medium, places)
+    class(source_t), intent(inout) :: this
+    type(medium_t), intent(in) :: medium
+    type(places_t), intent(in) :: places
+
+    associate (unused => medium)
+    end associate
+    if (allocated(this%inside)) this%places = places
+    call this%density%follow(places%some(this%particle))
+  end subroutine follow
 
   pure function has_slope(this) result(answer)
     class(source_t), intent(in) :: this
@@ -129,6 +160,10 @@ contains
     this%calls = this%calls + 1
     allocate (found(size(this%particle)))
     call this%density%derivative(time, temperature(this%particle), found)
+    if (allocated(this%inside)) then
+      call this%places%evaluate(this%region, time, this%inside)
+      where (.not. abs(this%inside) > 0) found = 0
+    end if
     slope(this%particle) = slope(this%particle) + found
   end subroutine add_slope
 

@@ -18,6 +18,8 @@ module calor_medium
     !> Density times heat capacity of each particle, where that is not the same everywhere; else not
     !> allocated, and the least conductivity and capacity stand above where they are
     real(wp), allocatable :: local_capacity(:)
+    !> Whether particles move
+    logical :: in_motion = .false.
     !> The time to simulate, s
     real(wp) :: duration = 0.0_wp
     !> Where it touches the world

@@ -3,7 +3,8 @@ module calor_varying_value
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use calor_error, only: error_t, raise, status_bad_input
   use calor_expression, only: expression_t
-  use calor_kinds, only: wp, ip, i8
+  use calor_kinds, only: wp, i8
+  use calor_places, only: places_t
   use calor_scene_file, only: group_t
   use calor_scene_getters, only: get_varying, place_of
   use calor_text, only: to_text
@@ -16,12 +17,12 @@ module calor_varying_value
   type :: varying_value_t
     !> Its values at the particles
     real(wp), allocatable :: value(:)
-    !> Whether they change with time, and with the temperature
+    !> Whether they change with time, be it because particles move, and with the temperature
     logical :: moves = .false., reacts = .false.
     !> The expression; after `place_at` allocated only where values change
     type(expression_t), allocatable, private :: expression
-    !> Coordinates of the particles, m; allocated only where values change
-    real(wp), allocatable, private :: x(:), y(:)
+    !> Places of the particles; allocated only where values change
+    type(places_t), allocatable, private :: places
     !> Where the scene says so, and the expression
     character(len=:), allocatable, private :: place, source
   contains
@@ -29,6 +30,8 @@ module calor_varying_value
     procedure :: read => read_value
     !> Evaluate it at particles for the first time
     procedure :: place_at
+    !> Take the paths of particles that move, other ones perhaps than before
+    procedure :: follow
     !> Bring the values to a time and to temperatures
     procedure :: update
     !> The derivative of the values with respect to the temperature
@@ -60,7 +63,7 @@ contains
     this%reacts = this%expression%uses('T')
   end subroutine read_value
 
-  subroutine place_at(this, x, y, time, error, temperature, lowest, highest)
+  subroutine place_at(this, x, y, time, error, temperature, lowest, highest, in_motion)
     class(varying_value_t), intent(inout) :: this
     !> Coordinates of the particles, m
     real(wp), intent(in) :: x(:), y(:)
@@ -72,6 +75,8 @@ contains
     real(wp), intent(in), optional :: temperature(:)
     !> Bounds of the values
     real(wp), intent(in), optional :: lowest, highest
+    !> Whether particles move, so that values that depend on the place change with time
+    logical, intent(in), optional :: in_motion
     character(len=:), allocatable :: what
     integer :: k
 
@@ -96,13 +101,27 @@ contains
                  to_text(x(k), digits=6)//', '//to_text(y(k), digits=6)//').')
       return
     end do
+    if (present(in_motion)) then
+      if (in_motion) then
+        this%moves = this%moves .or. this%expression%uses('x') .or. this%expression%uses('y')
+      end if
+    end if
     if (this%moves .or. this%reacts) then
-      this%x = x
-      this%y = y
+      allocate (this%places)
+      this%places%x = x
+      this%places%y = y
     else
       deallocate (this%expression)
     end if
   end subroutine place_at
+
+  subroutine follow(this, places)
+    class(varying_value_t), intent(inout) :: this
+    !> Where its particles will be
+    type(places_t), intent(in) :: places
+
+    if (allocated(this%places)) this%places = places
+  end subroutine follow
 
   subroutine update(this, time, temperature)
     class(varying_value_t), intent(inout) :: this
@@ -112,16 +131,15 @@ contains
     real(wp), intent(in) :: temperature(:)
 
     if (this%reacts) then
-      call this%expression%evaluate(this%x, this%y, time, values=this%value, &
-                                    temperature=temperature)
+      call this%places%evaluate(this%expression, time, this%value, temperature)
     else if (this%moves) then
-      call this%expression%evaluate(this%x, this%y, time, values=this%value)
+      call this%places%evaluate(this%expression, time, this%value)
     end if
   end subroutine update
 
   !> By a central difference: an expression has no other derivative.
   subroutine derivative(this, time, temperature, slope)
-    class(varying_value_t), intent(in) :: this
+    class(varying_value_t), intent(inout) :: this
     !> Time, s
     real(wp), intent(in) :: time
     !> Temperatures of the particles
@@ -134,10 +152,8 @@ contains
     if (.not. this%reacts) return
     change = 1.0e-5_wp*max(1.0_wp, abs(temperature))
     allocate (below(size(temperature)))
-    call this%expression%evaluate(this%x, this%y, time, values=slope, &
-                                  temperature=temperature + change)
-    call this%expression%evaluate(this%x, this%y, time, values=below, &
-                                  temperature=temperature - change)
+    call this%places%evaluate(this%expression, time, slope, temperature + change)
+    call this%places%evaluate(this%expression, time, below, temperature - change)
     slope = (slope - below)/(2*change)
   end subroutine derivative
 
@@ -147,7 +163,7 @@ contains
 
     number = 0
     if (allocated(this%value)) number = number + storage_size(this%value)/8*size(this%value)
-    if (allocated(this%x)) number = number + storage_size(this%x)/4*size(this%x)
+    if (allocated(this%places)) number = number + this%places%bytes()
   end function bytes
 
 end module calor_varying_value

@@ -7,6 +7,7 @@ module calor_wall_exchange
   use calor_error, only: error_t
   use calor_kinds, only: wp, ip, i8
   use calor_medium, only: medium_t
+  use calor_places, only: places_t
   use calor_scene_file, only: group_t
   use calor_scene_getters, only: raise_at
   implicit none (type, external)
@@ -35,12 +36,15 @@ module calor_wall_exchange
     procedure(find_flux_interface), deferred :: find_flux
     !> Find its derivative with respect to the temperature
     procedure :: find_flux_slope
+    !> Take the paths of its particles
+    procedure :: follow_kind
     procedure :: read => read_exchange
     procedure :: prepare
     procedure :: add_power
     procedure :: add_slope
     procedure :: account
     procedure :: put_flux
+    procedure :: follow
   end type wall_exchange_t
 
   abstract interface
@@ -127,6 +131,26 @@ contains
     this%bytes = storage_size(this%x, i8)/8*5*size(this%x) + 4*(2*size(this%x))
     call this%prepare_kind(medium, error)
   end subroutine prepare
+
+  subroutine follow(this, medium, places)
+    class(wall_exchange_t), intent(inout) :: this
+    type(medium_t), intent(in) :: medium
+    type(places_t), intent(in) :: places
+
+    this%weight = medium%contacts%weight(this%contact)
+    this%x = medium%x(this%particle)
+    this%y = medium%y(this%particle)
+    call this%follow_kind(places%some(this%particle))
+  end subroutine follow
+
+  subroutine follow_kind(this, places)
+    class(wall_exchange_t), intent(inout) :: this
+    !> Where its particles will be
+    type(places_t), intent(in) :: places
+
+    associate (unused => this, also => places)
+    end associate
+  end subroutine follow_kind
 
   subroutine add_power(this, medium, time, temperature, power)
     class(wall_exchange_t), intent(inout) :: this

@@ -74,7 +74,7 @@ module calor_scene_contract
       group_rule_t('initial', one, now, 'the temperature at the beginning'), &
       group_rule_t('boundary', many, now, 'what happens at a part of the boundary'), &
       group_rule_t('source', many, now, 'heat set free within the body'), &
-      group_rule_t('motion', one, later, 'move the particles'), &
+      group_rule_t('motion', one, now, 'a velocity that carries the body and its particles'), &
       group_rule_t('time', one, now, 'how long and in which steps'), &
       group_rule_t('output', one, now, 'what is written, where and how often'), &
       group_rule_t('accuracy', one, now, 'how far the run knows and bounds its own error'), &
@@ -144,10 +144,13 @@ module calor_scene_contract
       key_rule_t('source', 'power', number, now, '', 'heat set free, W/m3'), &
       key_rule_t('source', 'power_expression', expression, now, '', 'the same'), &
       key_rule_t('source', 'where_expression', expression, now, '', 'where it is not 0'), &
-      key_rule_t('motion', 'velocity_x', number, later, '', 'velocity, m/s'), &
-      key_rule_t('motion', 'velocity_x_expression', expression, later, '', 'the same'), &
-      key_rule_t('motion', 'velocity_y', number, later, '', 'velocity, m/s'), &
-      key_rule_t('motion', 'velocity_y_expression', expression, later, '', 'the same'), &
+      key_rule_t('motion', 'velocity_x', number, now, '', 'velocity, m/s'), &
+      key_rule_t('motion', 'velocity_x_expression', expression, now, '', 'the same'), &
+      key_rule_t('motion', 'velocity_y', number, now, '', 'velocity, m/s'), &
+      key_rule_t('motion', 'velocity_y_expression', expression, now, '', 'the same'), &
+      key_rule_t('motion', 'step', number, now, '', 'longest time with one set of rows, s'), &
+      key_rule_t('motion', 'skin', number, now, '0.5', 'skin of neighbour lists in spacings'), &
+      key_rule_t('motion', 'shifting', yes_no, now, '.false.', 'keep particles evenly spread'), &
       key_rule_t('time', 'end', number, now, '', 'the time to simulate, s'), &
       key_rule_t('time', 'step', number, now, '', 'length of a step, s; without it automatic'), &
       key_rule_t('time', 'method', text, now, '''auto''', 'how steps are made'), &

@@ -13,10 +13,11 @@ module calor_stable_rows
   use calor_kinds, only: wp, ip, i8
   use calor_laplacian_positive, only: positive_t
   use calor_laplacian_scheme, only: laplacian_scheme_t, row_rule_t
-  use calor_neighbour_list, only: neighbour_list_t, build_neighbour_list
+  use calor_neighbour_list, only: neighbour_list_t
   use calor_row_quality, only: row_quality_t, measure_rows
   use calor_row_collection, only: row_collection_t
   use calor_row_report, only: row_report_t
+  use calor_skin_list, only: skin_list_t, find_neighbours
   use calor_sparse_operator, only: sparse_operator_t
   implicit none (type, external)
   private
@@ -52,8 +53,7 @@ contains
 
   !> Assemble rows of a scheme and repair the poor ones.
   subroutine assemble_stable_rows(scheme, kernel, x, y, volume, radius, targets, laplacian, &
-                                  report, &
-                                  repairs)
+                                  report, repairs, skin_list)
     !> The scheme
     class(laplacian_scheme_t), intent(in) :: scheme
     !> The smoothing kernel
@@ -70,6 +70,8 @@ contains
     type(row_report_t), intent(out) :: report
     !> What was repaired
     type(row_repairs_t), intent(out) :: repairs
+    !> Where neighbours are looked up first
+    type(skin_list_t), intent(in), optional :: skin_list
     type(neighbour_list_t) :: list
     type(row_quality_t) :: quality
     type(row_collection_t) :: collection
@@ -82,12 +84,12 @@ contains
     integer :: k
 
     allocate (repairs%repair(size(targets)), source=as_written)
-    call build_neighbour_list(x, y, radius(targets), list, targets)
+    call find_neighbours(x, y, radius(targets), list, targets, skin_list)
     call scheme%assemble(kernel, x, y, volume, radius, list, laplacian, report)
     if (scheme%exact_degree() < 2) then
-      call surround(x, y, radius, list, repairs%repair)
+      call surround(x, y, radius, list, repairs%repair, skin_list)
       if (any(repairs%repair == support_grown)) then
-        call build_neighbour_list(x, y, radius(targets), list, targets)
+        call find_neighbours(x, y, radius(targets), list, targets, skin_list)
         call scheme%assemble(kernel, x, y, volume, radius, list, laplacian, report)
       end if
       call measure_rows(laplacian, x, y, radius, scheme%exact_degree(), repairs%quality)
@@ -109,34 +111,36 @@ contains
     call collection%take([(int(k, ip), k=1, size(targets))], laplacian, report)
     repairs%repair(failed) = support_grown
     call grow(scheme, kernel, x, y, volume, radius, targets, 0, largest_residual, failed, &
-              collection)
+              collection, skin_list=skin_list)
     if (rule%largest_stiffness < usual%largest_stiffness) then
       ! Short steps at a few particles rather than a row of another scheme
       radius(targets(failed)) = first_radius(failed)/rule%growth
       call grow(scheme, kernel, x, y, volume, radius, targets, 0, largest_residual, failed, &
-                collection, allowed_stiffness=usual%largest_stiffness)
+                collection, allowed_stiffness=usual%largest_stiffness, skin_list=skin_list)
     end if
     replaced_rows = failed
     repairs%repair(failed) = positive_stencil
     radius(targets(failed)) = first_radius(failed)/replaced%growth
     call grow(positive, kernel, x, y, volume, radius, targets, 0, largest_residual, failed, &
-              collection)
+              collection, skin_list=skin_list)
     radius(targets(failed)) = first_radius(failed)/replaced%growth
     call grow(positive, kernel, x, y, volume, radius, targets, 0, largest_residual, failed, &
-              collection, allowed_stiffness=most_stiffness)
+              collection, allowed_stiffness=most_stiffness, skin_list=skin_list)
     repairs%repair(failed) = inexact_stencil
     radius(targets(failed)) = first_radius(failed)/replaced%growth
     call grow(positive_t(relaxed=.true.), kernel, x, y, volume, radius, targets, &
-              enough_neighbours, huge(1.0_wp), failed, collection)
+              enough_neighbours, huge(1.0_wp), failed, collection, skin_list=skin_list)
     radius(targets(failed)) = first_radius(failed)/replaced%growth
     call grow(positive_t(relaxed=.true.), kernel, x, y, volume, radius, targets, &
               enough_neighbours, huge(1.0_wp), failed, collection, &
-              allowed_stiffness=huge(1.0_wp))
+              allowed_stiffness=huge(1.0_wp), skin_list=skin_list)
     repairs%repair(failed) = no_stencil
     radius(targets(failed)) = first_radius(failed)
-    call assemble_again(scheme, kernel, x, y, volume, radius, targets, failed, collection)
+    call assemble_again(scheme, kernel, x, y, volume, radius, targets, failed, collection, &
+                        skin_list)
     call collection%merge_into(laplacian, report)
-    call report_as_written(scheme, kernel, x, y, volume, radius, targets, replaced_rows, report)
+    call report_as_written(scheme, kernel, x, y, volume, radius, targets, replaced_rows, report, &
+                           skin_list)
     do k = 1, size(targets)
       if (repairs%repair(k) == no_stencil) call scale_row(laplacian, k, 0.0_wp)
     end do
@@ -162,13 +166,14 @@ contains
   end subroutine scale_row
 
   !> Grow the supports of particles until their neighbours surround them.
-  subroutine surround(x, y, radius, first_list, repair)
+  subroutine surround(x, y, radius, first_list, repair, skin_list)
     real(wp), intent(in) :: x(:), y(:)
     real(wp), intent(inout) :: radius(:)
     !> Neighbours before any growth
     type(neighbour_list_t), intent(in) :: first_list
     !> Becomes `support_grown` where that was so
     integer, intent(inout) :: repair(:)
+    type(skin_list_t), intent(in), optional :: skin_list
     type(row_rule_t), parameter :: usual = row_rule_t()
     type(neighbour_list_t) :: list
     integer(ip), allocatable :: rows(:), candidates(:)
@@ -195,7 +200,7 @@ contains
       repair(rows) = support_grown
       candidates = first_list%target(rows)
       radius(candidates) = usual%growth*radius(candidates)
-      call build_neighbour_list(x, y, radius(candidates), list, candidates)
+      call find_neighbours(x, y, radius(candidates), list, candidates, skin_list)
     end do
   end subroutine surround
 
@@ -232,7 +237,7 @@ contains
 
   !> Grow the supports of some rows until they are good.
   subroutine grow(scheme, kernel, x, y, volume, radius, targets, fewest, allowed_residual, rows, &
-                  collection, allowed_stiffness)
+                  collection, allowed_stiffness, skin_list)
     class(laplacian_scheme_t), intent(in) :: scheme
     class(kernel_t), intent(in) :: kernel
     real(wp), intent(in) :: x(:), y(:), volume(:)
@@ -248,6 +253,7 @@ contains
     type(row_collection_t), intent(inout) :: collection
     !> … and be so stiff, if that is not the usual bound
     real(wp), intent(in), optional :: allowed_stiffness
+    type(skin_list_t), intent(in), optional :: skin_list
     type(neighbour_list_t) :: list
     type(sparse_operator_t) :: laplacian
     real(wp) :: stiffness
@@ -267,7 +273,7 @@ contains
       if (size(rows) == 0) exit
       radius(targets(rows)) = rule%growth*radius(targets(rows))
       candidates = targets(rows)
-      call build_neighbour_list(x, y, radius(candidates), list, candidates)
+      call find_neighbours(x, y, radius(candidates), list, candidates, skin_list)
       call scheme%assemble(kernel, x, y, volume, radius, list, laplacian, report)
       call measure_rows(laplacian, x, y, radius, 2, quality)
       neighbours = int(list%first(2:) - list%first(:list%rows()))
@@ -285,7 +291,8 @@ contains
   end subroutine grow
 
   !> Rows of a scheme with the supports that they have now.
-  subroutine assemble_again(scheme, kernel, x, y, volume, radius, targets, rows, collection)
+  subroutine assemble_again(scheme, kernel, x, y, volume, radius, targets, rows, collection, &
+                            skin_list)
     class(laplacian_scheme_t), intent(in) :: scheme
     class(kernel_t), intent(in) :: kernel
     real(wp), intent(in) :: x(:), y(:), volume(:), radius(:)
@@ -294,18 +301,20 @@ contains
     integer(ip), intent(in) :: rows(:)
     !> Takes them
     type(row_collection_t), intent(inout) :: collection
+    type(skin_list_t), intent(in), optional :: skin_list
     type(neighbour_list_t) :: list
     type(sparse_operator_t) :: laplacian
     type(row_report_t) :: report
 
     if (size(rows) == 0) return
-    call build_neighbour_list(x, y, radius(targets(rows)), list, targets(rows))
+    call find_neighbours(x, y, radius(targets(rows)), list, targets(rows), skin_list)
     call scheme%assemble(kernel, x, y, volume, radius, list, laplacian, report)
     call collection%take(rows, laplacian, report)
   end subroutine assemble_again
 
   !> Of rows that became other stencils, what the scheme itself had to say about them.
-  subroutine report_as_written(scheme, kernel, x, y, volume, radius, targets, rows, report)
+  subroutine report_as_written(scheme, kernel, x, y, volume, radius, targets, rows, report, &
+                               skin_list)
     class(laplacian_scheme_t), intent(in) :: scheme
     class(kernel_t), intent(in) :: kernel
     real(wp), intent(in) :: x(:), y(:), volume(:), radius(:)
@@ -314,12 +323,13 @@ contains
     integer(ip), intent(in) :: rows(:)
     !> Their entries are set
     type(row_report_t), intent(inout) :: report
+    type(skin_list_t), intent(in), optional :: skin_list
     type(neighbour_list_t) :: list
     type(sparse_operator_t) :: laplacian
     type(row_report_t) :: found
 
     if (size(rows) == 0) return
-    call build_neighbour_list(x, y, radius(targets(rows)), list, targets(rows))
+    call find_neighbours(x, y, radius(targets(rows)), list, targets(rows), skin_list)
     call scheme%assemble(kernel, x, y, volume, radius, list, laplacian, found)
     report%condition_gradient(rows) = found%condition_gradient
     report%condition_laplacian(rows) = found%condition_laplacian

@@ -18,9 +18,10 @@ module calor_wall_rows
   use calor_kinds, only: wp, ip, i8
   use calor_laplacian_scheme, only: row_rule_t
   use calor_linear_programme, only: minimise
-  use calor_neighbour_list, only: neighbour_list_t, build_neighbour_list
+  use calor_neighbour_list, only: neighbour_list_t
   use calor_row_quality, only: row_quality_t
   use calor_row_report, only: row_report_t
+  use calor_skin_list, only: skin_list_t, find_neighbours
   use calor_sparse_operator, only: sparse_operator_t
   use calor_stable_rows, only: as_written, support_grown, positive_stencil, no_stencil
   use calor_stencil, only: stencil_t
@@ -58,7 +59,7 @@ contains
 
   !> Assemble rows at particles on walls.
   subroutine assemble_wall_rows(degree, rule, kernel, x, y, volume, radius, particles, first, &
-                                normal, rows)
+                                normal, rows, skin_list)
     !> Exact for polynomials up to this degree, at least 2
     integer, intent(in) :: degree
     !> What is asked of a row
@@ -76,6 +77,8 @@ contains
     real(wp), intent(in) :: normal(:, :)
     !> The rows
     type(wall_rows_t), intent(out) :: rows
+    !> Where neighbours are looked up first
+    type(skin_list_t), intent(in), optional :: skin_list
     integer, allocatable :: pending(:)
     real(wp), allocatable :: first_radius(:)
 
@@ -105,7 +108,7 @@ contains
       end if
       do time = 0, most_times
         if (size(pending) == 0) return
-        call build_neighbour_list(x, y, radius(particles(pending)), list, particles(pending))
+        call find_neighbours(x, y, radius(particles(pending)), list, particles(pending), skin_list)
         call trial%shape_as(list)
         allocate (good(size(pending)), large(size(pending)))
         !$omp parallel if (size(pending) > worth_sharing) default(shared) &
@@ -146,7 +149,7 @@ contains
       integer :: k, normals
 
       where (rows%repair == no_stencil) radius(particles) = first_radius
-      call build_neighbour_list(x, y, radius(particles), list, particles)
+      call find_neighbours(x, y, radius(particles), list, particles, skin_list)
       call rows%laplacian%shape_as(list)
       call rows%report%reserve(size(particles))
       associate (quality => rows%quality, n => size(particles))

@@ -1,7 +1,8 @@
 !> The output file: particles and their fields over time as VTKHDF, which ParaView and VTK open.
 !>
-!> The particles do not move, so places and cells (one vertex per particle) are stored once; each
-!> step appends the fields that it writes, and tables in group `Steps` say where its values begin.
+!> Cells (one vertex per particle) are stored once, and so are places unless particles move; each
+!> step appends the fields, and the places, that it writes, and tables in group `Steps` say where
+!> its values begin.
 !> The format is https://docs.vtk.org/en/latest/vtk_file_formats/vtkhdf_file_format (version 2.0).
 !> Beside it, group `/calor` holds metadata as attributes, and `/calor/wall_time` the time that
 !> each phase of the run took; all else in the files of two equal runs is the same byte for byte.
@@ -56,6 +57,8 @@ module calor_field_file
                                                    'PartOffsets', 'NumberOfParts', 'PointOffsets', &
                                                    'CellOffsets', 'ConnectivityIdOffsets']
   integer(i8), parameter :: step_entries(*) = [0_i8, 1_i8, 0_i8, 0_i8, 0_i8]
+  !> Which of them says where places begin
+  integer, parameter :: place_table = 3
 
   !> Room for HDF5's own records (indices, headers, heaps): in all, beside what is written in one
   !> call and in one table of the steps, and beside a text; bytes
@@ -108,6 +111,11 @@ module calor_field_file
     !> Steps that are whole and counted in the file
     integer :: whole_steps = 0
     type(point_data_t), allocatable :: point_data(:)
+    !> The places of particles that move, and how many steps have written theirs
+    integer(hid_t) :: points = -1
+    integer(i8) :: sets_of_places = 0
+    !> The step that wrote places last
+    integer :: last_places = 0
     !> Room reserved since the last flush, bytes
     integer(i8) :: unflushed = 0
     !> The system's number of the file
@@ -128,6 +136,8 @@ module calor_field_file
     generic :: add_static => add_static_reals, add_static_integers
     !> Begin the next step
     procedure :: begin_step
+    !> Write the places of the step, where particles move
+    procedure :: write_places
     !> Write point data of the step: reals, integers, or the x and y components of a vector
     generic :: write_field => write_reals, write_vectors, write_integers
     !> Set an attribute of group `/calor`: a text of any length, texts, a number or reals
@@ -157,7 +167,7 @@ contains
   ! ---------------------------------------------------------------------------------------------
 
   !> Begin a file with its particles. What is at `path`, if anything, stays there until `publish`.
-  subroutine create(this, path, x, y, error)
+  subroutine create(this, path, x, y, error, moving)
     class(field_file_t), intent(out) :: this
     !> The name of the file; its folder must exist
     character(len=*), intent(in) :: path
@@ -165,12 +175,17 @@ contains
     real(wp), intent(in) :: x(:), y(:)
     !> Why the file cannot be written, in words for the user
     type(error_t), allocatable, intent(out) :: error
+    !> Whether steps may have places of their own; those given are those of the first step then
+    logical, intent(in), optional :: moving
     !> A place, a cell's type and its entries in two tables
     integer(i8), parameter :: bytes_per_particle = 3*8 + 1 + 2*8
     type(hdf5_silence_t) :: silence
     character(len=:), allocatable :: reason
     integer :: status
+    logical :: growing
 
+    growing = .false.
+    if (present(moving)) growing = moving
     this%path = trim(path)
     this%particles = size(x)
     allocate (this%point_data(0))
@@ -197,7 +212,7 @@ contains
     if (.not. allocated(error)) call this%reserve(bytes_per_particle*size(x, kind=i8), error)
     if (.not. allocated(error)) then
       call write_frame(this, status)
-      if (status >= 0) call write_particles(this, x, y, status)
+      if (status >= 0) call write_particles(this, x, y, growing, status)
       if (status < 0) call this%fail(hdf5_reason(), error)
     end if
     call silence%finish()
@@ -679,9 +694,11 @@ contains
   end subroutine write_frame
 
   !> Write places and cells: particle k is the vertex cell k.
-  subroutine write_particles(this, x, y, status)
-    class(field_file_t), intent(in) :: this
+  subroutine write_particles(this, x, y, growing, status)
+    class(field_file_t), intent(inout) :: this
     real(wp), intent(in) :: x(:), y(:)
+    !> Whether other places will follow
+    logical, intent(in) :: growing
     integer, intent(out) :: status
     real(wp), allocatable, target :: points(:, :)
     integer(i8), allocatable, target :: numbers(:)
@@ -707,8 +724,16 @@ contains
     points(1, :) = x
     points(2, :) = y
     points(3, :) = 0.0_wp
-    call put_dataset(this%vtk_group, 'Points', h5t_ieee_f64le, memory_type(holds_reals), &
-                     [3_hsize_t, int(n, hsize_t)], c_loc(points), status)
+    if (growing) then
+      call make_growing_dataset(this%vtk_group, 'Points', h5t_ieee_f64le, 3, &
+                                rows_per_chunk(this%particles), this%points, status)
+      if (status < 0) return
+      call put_rows(this%points, memory_type(holds_reals), 3, 0_i8, n, c_loc(points), status)
+      this%sets_of_places = 1
+    else
+      call put_dataset(this%vtk_group, 'Points', h5t_ieee_f64le, memory_type(holds_reals), &
+                       [3_hsize_t, int(n, hsize_t)], c_loc(points), status)
+    end if
     if (status < 0) return
     deallocate (points)
 
@@ -728,6 +753,52 @@ contains
     call put_dataset(this%vtk_group, 'Types', h5t_std_u8le, &
                      h5kind_to_type(int8, h5_integer_kind), [int(n, hsize_t)], c_loc(cells), status)
   end subroutine write_particles
+
+  !> Without a call a step has the places of the step before.
+  subroutine write_places(this, x, y, error)
+    class(field_file_t), intent(inout) :: this
+    !> Coordinates of the particles, m
+    real(wp), intent(in) :: x(:), y(:)
+    !> Why that failed
+    type(error_t), allocatable, intent(out) :: error
+    type(hdf5_silence_t) :: silence
+    real(wp), allocatable, target :: points(:, :)
+    integer(i8), target :: start
+    integer :: status
+
+    if (.not. this%ready(error)) return
+    call check_length(this, 'Points', size(x), error)
+    if (allocated(error)) return
+    if (this%points < 0 .or. this%steps == 0) then
+      call raise(error, &
+                 status_bad_file, 'The output file '''//this%path//''' has no step under '// &
+                 'way, or was made for particles that do not move.')
+      return
+    end if
+    allocate (points(3, size(x)))
+    points(1, :) = x
+    points(2, :) = y
+    points(3, :) = 0.0_wp
+    call silence%begin()
+    call this%reserve(24_i8*(size(x) + rows_per_chunk(this%particles)), error)
+    if (.not. allocated(error)) then
+      ! The first step has the places that the file was made with; a step may write its places
+      ! twice.
+      if (this%last_places < this%steps .and. this%steps > 1) then
+        this%sets_of_places = this%sets_of_places + 1
+      end if
+      this%last_places = this%steps
+      start = (this%sets_of_places - 1)*this%particles
+      call put_rows(this%points, memory_type(holds_reals), 3, start, int(this%particles, i8), &
+                    c_loc(points), status)
+      if (status >= 0) then
+        call put_rows(this%tables(place_table), h5kind_to_type(i8, h5_integer_kind), 1, &
+                      int(this%steps - 1, i8), 1_i8, c_loc(start), status)
+      end if
+      if (status < 0) call this%fail(hdf5_reason(), error)
+    end if
+    call silence%finish()
+  end subroutine write_places
 
   subroutine add_static_values(this, name, content, length, address, error)
     class(field_file_t), intent(inout) :: this
@@ -953,6 +1024,7 @@ contains
     if (status < 0) return
     do k = 1, size(step_tables)
       entry = step_entries(k)
+      if (k == place_table) entry = max(0_i8, this%sets_of_places - 1)*this%particles
       call put_rows(this%tables(k), numbers, 1, row, 1_i8, c_loc(entry), status)
       if (status < 0) return
     end do
@@ -1052,6 +1124,7 @@ contains
       call h5dclose_f(this%tables(k), ignored)
     end do
     call h5dclose_f(this%times, ignored)
+    if (this%points >= 0) call h5dclose_f(this%points, ignored)
     call h5gclose_f(this%offsets_group, ignored)
     call h5gclose_f(this%steps_group, ignored)
     call h5gclose_f(this%wall_time_group, ignored)

@@ -14,6 +14,7 @@ module calor_conduction
   use calor_heat_content, only: heat_content_t
   use calor_kinds, only: wp
   use calor_medium, only: medium_t
+  use calor_places, only: places_t
   use calor_prescribed, only: prescribed_t
   use calor_sparse_operator, only: sparse_operator_t
   use calor_streamed_rows, only: streamed_rows_t
@@ -98,6 +99,8 @@ module calor_conduction
     procedure :: assume_stiffest
     !> The measure of temperatures: the range of those given, or what effects may bring about, K
     procedure :: temperature_scale
+    !> Take the paths of particles that move, and what new rows have at walls
+    procedure :: follow
     !> Put the rates of held states into a rate
     procedure :: add_held_rates
     !> The temperatures of a state, the state of temperatures, and how much is liquid
@@ -221,6 +224,28 @@ contains
       call this%stream%combine([c(1:4), c(5)*this%diffusivity], newer, older)
     end if
   end subroutine combine_with_jacobian
+  subroutine follow(this, x, y, places)
+    class(conduction_t), intent(inout) :: this
+    !> Where particles are, m
+    real(wp), intent(in) :: x(:), y(:)
+    !> Where they will be in the steps to come
+    type(places_t), intent(in) :: places
+    integer :: k
+
+    this%x = x
+    this%y = y
+    this%medium%x = x
+    this%medium%y = y
+    do k = 1, size(this%prescribed)
+      associate (held => this%prescribed(k))
+        if (allocated(held%expression)) held%places = places%some(held%particle)
+      end associate
+    end do
+    if (.not. allocated(this%effects)) return
+    do k = 1, size(this%effects)
+      call this%effects(k)%effect%follow(this%medium, places)
+    end do
+  end subroutine follow
 
   !> By a difference: expressions have no other derivative.
   subroutine add_held_rates(this, time, rate)
@@ -242,8 +267,8 @@ contains
         if (.not. step > 0) step = 1.0e-5_wp
         expression = held%expression
         allocate (before(size(held%particle)), after(size(held%particle)))
-        call expression%evaluate(held%x, held%y, max(0.0_wp, time - step), values=before)
-        call expression%evaluate(held%x, held%y, time + step, values=after)
+        call held%places%evaluate(expression, max(0.0_wp, time - step), before)
+        call held%places%evaluate(expression, time + step, after)
         if (allocated(this%content)) then
           call this%content%find_state(held%particle, (before), before)
           call this%content%find_state(held%particle, (after), after)
@@ -746,7 +771,7 @@ contains
       associate (held => this%prescribed(k))
         allocate (given(size(held%particle)))
         do j = 1, times
-          call expression%evaluate(held%x, held%y, this%medium%duration*j/times, values=given)
+          call held%places%evaluate(expression, this%medium%duration*j/times, given)
           low = min(low, minval(given, ieee_is_finite(given)))
           high = max(high, maxval(given, ieee_is_finite(given)))
         end do

@@ -51,6 +51,11 @@ contains
       end do
     end if
     call add(lines, 'Effects', effects(simulation))
+    if (allocated(simulation%motion)) then
+      call add(lines, 'Motion', 'rows follow the particles; a list of neighbours serves until '// &
+               'one has moved by half of its skin of '//to_text(simulation%motion%skin, &
+                                                                digits=3)//' m')
+    end if
     if (simulation%scene%time%steady) then
       call add(lines, 'Time', 'steady state, by Newton''s method and a sparse direct solver')
     else
@@ -119,6 +124,7 @@ contains
              simulation%liquid_fraction())/sum(simulation%cloud%area), digits=4)//' % of the body')
     end if
     if (size(simulation%entries) > 0) call add(lines, 'Heat', budget(simulation))
+    if (allocated(simulation%motion)) call add(lines, 'Motion', motion(simulation))
     phases = ''
     do k = 1, size(simulation%stopwatch%phases)
       associate (phase => simulation%stopwatch%phases(k))
@@ -329,6 +335,34 @@ contains
 
     text = join(simulation%effects_in_force(), '; ')//'. Nothing else.'
   end function effects
+
+  !> How often rows and lists of neighbours were made, and what of the time of stepping that took
+  function motion(simulation) result(text)
+    type(simulation_t), intent(in) :: simulation
+    character(len=:), allocatable :: text
+    !> Phases beside the steps themselves
+    character(len=*), parameter :: parts(*) = [character(len=15) :: 'motion', 'neighbour lists', &
+        'reassembly', 'shifting']
+    real(wp) :: all
+    integer :: k
+
+    associate (motion => simulation%motion, stopwatch => simulation%stopwatch)
+      text = to_text(motion%steps)//' steps of the motion, rows made '// &
+             to_text(motion%assemblies)//' times, lists of neighbours '// &
+             to_text(motion%near%builds)//' times'
+      all = stopwatch%seconds_of('steps')
+      do k = 1, size(parts)
+        all = all + stopwatch%seconds_of(trim(parts(k)))
+      end do
+      if (.not. all > 0) return
+      text = text//'; of the time of stepping'
+      do k = 1, size(parts)
+        if (parts(k) == 'shifting' .and. .not. simulation%scene%motion%shifting) cycle
+        text = text//', '//trim(parts(k))//' '// &
+               to_text(100*stopwatch%seconds_of(trim(parts(k)))/all, digits=2)//' %'
+      end do
+    end associate
+  end function motion
 
   !> What each account of the heat budget has in the last state
   function budget(simulation) result(text)

@@ -48,6 +48,8 @@ module calor_heat_budget
   contains
     !> Prepare the budget of a scene
     procedure :: prepare
+    !> Take other areas of the particles for weights
+    procedure :: weigh
     !> Find the weights that make it close
     procedure :: close_exactly
     !> The budget of a state
@@ -81,6 +83,15 @@ contains
       call append(this%account, name)
     end do
   end subroutine prepare
+
+  pure subroutine weigh(this, area)
+    class(heat_budget_t), intent(inout) :: this
+    !> m²
+    real(wp), intent(in) :: area(:)
+
+    this%weight = area
+    this%conservative = .false.
+  end subroutine weigh
 
   !> The place of a name in a list, 0 where it is not in it
   pure function place_of(list, name) result(place)

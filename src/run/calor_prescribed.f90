@@ -2,6 +2,7 @@
 module calor_prescribed
   use calor_expression, only: expression_t
   use calor_kinds, only: wp, ip
+  use calor_places, only: places_t
   implicit none (type, external)
   private
 
@@ -13,8 +14,8 @@ module calor_prescribed
     integer(ip), allocatable :: particle(:)
     !> Their temperatures, K or °C as the scene has it
     real(wp), allocatable :: temperature(:)
-    !> Coordinates, m; allocated only where the temperature changes with time
-    real(wp), allocatable :: x(:), y(:)
+    !> Their places; set only where the temperature changes with time
+    type(places_t) :: places
     !> Temperature in terms of x, y and t; allocated only where it changes with time
     type(expression_t), allocatable :: expression
   contains
@@ -32,7 +33,7 @@ contains
     real(wp), intent(inout) :: temperature(:)
 
     if (allocated(this%expression)) then
-      call this%expression%evaluate(this%x, this%y, time, values=this%temperature)
+      call this%places%evaluate(this%expression, time, this%temperature)
     end if
     temperature(this%particle) = this%temperature
   end subroutine impose

@@ -8,7 +8,7 @@ module calor_scene
   private
 
   public :: scene_t, accuracy_t, domain_t, uniform_material_t, boundary_t, time_t, output_t, &
-            operators_t, cost_t
+            motion_settings_t, operators_t, cost_t
 
   !> What is asked of the error
   type :: accuracy_t
@@ -63,6 +63,20 @@ module calor_scene
     !> Where the scene file says so
     character(len=:), allocatable :: place
   end type boundary_t
+
+  !> How the body and its particles move; the velocity is read by calor_scene_motion
+  type :: motion_settings_t
+    !> Whether they do
+    logical :: in_force = .false.
+    !> The longest time with one set of rows, s; 0: chosen by the program
+    real(wp) :: step = 0.0_wp
+    !> Skin of the neighbour lists in spacings
+    real(wp) :: skin = 0.5_wp
+    !> Whether particles are kept evenly spread
+    logical :: shifting = .false.
+    !> Where the scene file says so
+    character(len=:), allocatable :: place
+  end type motion_settings_t
 
   !> The time span and the method
   type :: time_t
@@ -159,6 +173,7 @@ module calor_scene
     real(wp) :: initial_temperature = 0.0_wp
     character(len=:), allocatable :: initial_expression
     type(boundary_t), allocatable :: boundaries(:)
+    type(motion_settings_t) :: motion
     type(time_t) :: time
     type(output_t) :: output
     type(accuracy_t) :: accuracy

@@ -14,13 +14,14 @@ module calor_scene_evolution
   use calor_laplacian_scheme, only: laplacian_scheme_t
   use calor_laplacian_schemes, only: make_laplacian_scheme
   use calor_medium, only: medium_t
-  use calor_neighbour_list, only: neighbour_list_t, build_neighbour_list
+  use calor_neighbour_list, only: neighbour_list_t
   use calor_row_quality, only: measure_rows
   use calor_row_report, only: row_report_t
   use calor_scene, only: scene_t
   use calor_scene_cloud, only: require_neighbours
   use calor_scene_materials, only: scene_materials_t
   use calor_scene_walls, only: find_contacts, hold_walls
+  use calor_skin_list, only: skin_list_t, find_neighbours
   use calor_sparse_operator, only: sparse_operator_t
   use calor_stable_rows, only: assemble_stable_rows, row_repairs_t, as_written
   use calor_stopwatch, only: stopwatch_t
@@ -28,7 +29,7 @@ module calor_scene_evolution
   implicit none (type, external)
   private
 
-  public :: make_scene_evolution, method_t, scene_method, scene_rows_t
+  public :: make_scene_evolution, method_t, row_maker_t, scene_method, scene_rows_t
 
   !> How derivatives are approximated
   type :: method_t
@@ -49,6 +50,17 @@ module calor_scene_evolution
     real(wp), allocatable :: radius(:)
   end type scene_rows_t
 
+  !> What it takes to assemble the rows of a scene, for the places where its particles are
+  type :: row_maker_t
+    type(method_t) :: method
+    class(kernel_t), allocatable :: kernel
+    class(laplacian_scheme_t), allocatable :: scheme
+    type(scene_materials_t) :: materials
+  contains
+    !> The Laplacian's rows at all particles that are not held, and rows at held ones
+    procedure :: assemble
+  end type row_maker_t
+
 contains
 
   !> The method that a scene asks for.
@@ -64,7 +76,7 @@ contains
 
   !> Make the heat equation of a scene: held walls, effects, and the rows of the Laplacian.
   subroutine make_scene_evolution(scene, cloud, method, temperature, conduction, rows, error, &
-                                  stopwatch, further)
+                                  stopwatch, further, maker)
     !> The scene
     type(scene_t), intent(in) :: scene
     !> Its cloud
@@ -83,9 +95,10 @@ contains
     type(stopwatch_t), intent(inout), optional :: stopwatch
     !> Effects beside those that the scene calls for; copied
     type(effect_slot_t), intent(in), optional :: further(:)
-    class(kernel_t), allocatable :: kernel
+    !> What makes its rows, should they be made again
+    type(row_maker_t), intent(out), optional :: maker
     type(effect_slot_t), allocatable :: effects(:)
-    type(scene_materials_t) :: materials
+    type(row_maker_t) :: own
     type(heat_content_t), allocatable :: content
     real(wp) :: lowest, highest
     integer :: k
@@ -100,20 +113,23 @@ contains
     conduction%user_index = cloud%user_index
     call conduction%note_range(temperature)
     call conduction%impose(0.0_wp, temperature)
-    call materials%prepare(scene%file, cloud, temperature, error)
+    call own%materials%prepare(scene%file, cloud, temperature, error)
     if (allocated(error)) return
     associate (material => scene%material)
       conduction%diffusivity = material%conductivity/(material%density*material%heat_capacity)
     end associate
-    if (materials%in_force) then
-      call materials%describe(conduction%medium)
+    if (own%materials%in_force) then
+      call own%materials%describe(conduction%medium)
       conduction%diffusivity = 1
     end if
-    call make_kernel(scene%kernel, kernel, error)
+    own%method = method
+    call make_kernel(scene%kernel, own%kernel, error)
     if (allocated(error)) return
-    call assemble(scene, cloud, method, kernel, materials, conduction, rows, error, stopwatch)
+    call make_laplacian_scheme(method%laplacian, own%scheme, error, method%order)
     if (allocated(error)) return
-    call conduction%stream_rows()
+    call own%assemble(scene, cloud, conduction, rows, error, stopwatch)
+    if (allocated(error)) return
+    if (present(maker)) maker = own
 
     call called_effects(scene%file, effects, error)
     if (allocated(error)) return
@@ -124,9 +140,9 @@ contains
     end if
     call conduction%put_in_force(effects, temperature, error)
     if (allocated(error)) return
-    if (materials%in_force .or. allocated(conduction%effects)) then
+    if (own%materials%in_force .or. allocated(conduction%effects)) then
       call conduction%expected_range(lowest, highest)
-      call materials%find_content(scene%file, cloud, conduction%effects, lowest, highest, content, &
+      call own%materials%find_content(scene%file, cloud, conduction%effects, lowest, highest, content, &
                                   error)
       if (allocated(error)) return
       if (allocated(content)) call conduction%use_content(content, temperature)
@@ -146,36 +162,39 @@ contains
     medium%capacity = scene%material%density*scene%material%heat_capacity
     medium%conductivity = scene%material%conductivity
     medium%duration = scene%time%end
+    medium%in_motion = scene%motion%in_force
   end subroutine describe_medium
 
-  !> The Laplacian's rows at all particles that are not held.
-  subroutine assemble(scene, cloud, method, kernel, materials, conduction, rows, error, stopwatch)
+  subroutine assemble(this, scene, cloud, conduction, rows, error, stopwatch, skin_list)
+    class(row_maker_t), intent(inout) :: this
+    !> The scene
     type(scene_t), intent(in) :: scene
+    !> Its cloud, as it is now
     type(cloud_t), intent(in) :: cloud
-    type(method_t), intent(in) :: method
-    class(kernel_t), intent(in) :: kernel
-    type(scene_materials_t), intent(inout) :: materials
+    !> The heat equation, which gets the rows; its contacts must be known
     type(conduction_t), intent(inout) :: conduction
-    type(scene_rows_t), intent(inout) :: rows
+    !> What is known of the rows
+    type(scene_rows_t), intent(out) :: rows
+    !> A particle has no neighbours, or walls have no normals where they are needed
     type(error_t), allocatable, intent(out) :: error
+    !> Is told which phase of the work runs
     type(stopwatch_t), intent(inout), optional :: stopwatch
-    class(laplacian_scheme_t), allocatable :: scheme
+    !> Where neighbours are looked up first
+    type(skin_list_t), intent(in), optional :: skin_list
     type(neighbour_list_t) :: list
     integer(ip), allocatable :: free(:)
     integer :: k
 
-    call make_laplacian_scheme(method%laplacian, scheme, error, method%order)
-    if (allocated(error)) return
     free = pack([(int(k, ip), k=1, cloud%particles())], cloud%side == 0)
-    allocate (rows%radius(cloud%particles()), source=method%support*cloud%spacing)
-    associate (laplacian => conduction%laplacian)
+    allocate (rows%radius(cloud%particles()), source=this%method%support*cloud%spacing)
+    associate (laplacian => conduction%laplacian, scheme => this%scheme, kernel => this%kernel)
       if (scene%support_growth) then
         if (present(stopwatch)) call stopwatch%start('assembly')
         call assemble_stable_rows(scheme, kernel, cloud%x, cloud%y, cloud%volume, rows%radius, &
-                                  free, laplacian, rows%report, rows%repairs)
+                                  free, laplacian, rows%report, rows%repairs, skin_list)
       else
         if (present(stopwatch)) call stopwatch%start('neighbours')
-        call build_neighbour_list(cloud%x, cloud%y, rows%radius(free), list, free)
+        call find_neighbours(cloud%x, cloud%y, rows%radius(free), list, free, skin_list)
         call require_neighbours(scene, cloud, list, error)
         if (allocated(error)) return
         if (present(stopwatch)) call stopwatch%start('assembly')
@@ -186,9 +205,13 @@ contains
         allocate (rows%repairs%repair(size(free)), source=as_written)
       end if
     end associate
-    if (materials%in_force) call convert_inner_rows(scheme)
-    call add_wall_rows(scheme)
-    if (materials%in_force) call divide_by_capacity(materials%capacity, conduction%laplacian)
+    if (this%materials%in_force) call convert_inner_rows(this%scheme)
+    call add_wall_rows(this%scheme)
+    if (allocated(error)) return
+    if (this%materials%in_force) then
+      call divide_by_capacity(this%materials%capacity, conduction%laplacian)
+    end if
+    call conduction%stream_rows()
 
   contains
 
@@ -197,11 +220,12 @@ contains
       class(laplacian_scheme_t), intent(in) :: scheme
       real(wp) :: no_normal(2, 0), no_weight(0)
 
-      call materials%convert(cloud, kernel, max(2, scheme%exact_degree()), scheme%rule(), &
+      call this%materials%convert(cloud, this%kernel, max(2, scheme%exact_degree()), &
+                                  scheme%rule(), &
                              rows%radius, [(1, k=0, size(free))], no_normal, &
                              conduction%laplacian, no_weight, rows%repairs%repair, &
                              rows%repairs%quality, rows%report, &
-                             by_tensor=method%laplacian == 'fatehi_manzari')
+                             by_tensor=this%method%laplacian == 'fatehi_manzari')
     end subroutine convert_inner_rows
 
     !> Rows at particles on walls: those that are not held come after those of particles inside;
@@ -256,11 +280,12 @@ contains
         first = pack([(j, j=1, size(chosen))], begins)
         particles = contacts%particle(chosen(first))
         first = [first, size(chosen) + 1]
-        call assemble_wall_rows(wall_degree(scheme), scheme%rule(), kernel, cloud%x, cloud%y, &
+        call assemble_wall_rows(wall_degree(scheme), scheme%rule(), this%kernel, cloud%x, cloud%y, &
                                 cloud%volume, radius, particles, first, &
-                                contacts%normal(:, chosen), walls)
-        if (materials%in_force) then
-          call materials%convert(cloud, kernel, wall_degree(scheme), scheme%rule(), radius, first, &
+                                contacts%normal(:, chosen), walls, skin_list)
+        if (this%materials%in_force) then
+          call this%materials%convert(cloud, this%kernel, wall_degree(scheme), scheme%rule(), &
+                                      radius, first, &
                                  contacts%normal(:, chosen), walls%laplacian, &
                                  walls%slope_weight, walls%repair, walls%quality, walls%report, &
                                  by_tensor=.false.)

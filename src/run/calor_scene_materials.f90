@@ -59,6 +59,8 @@ module calor_scene_materials
     !> What the heat content is, where that is not the temperature
     procedure :: find_content
     procedure, private :: reaches_across
+    !> Whether rows depend on the material of the particles only, and on no place or direction
+    procedure :: goes_with_particles
   end type scene_materials_t
 
 contains
@@ -339,6 +341,15 @@ contains
     answer = any(this%flow%material(operator%index(operator%first(row):operator%first(row + 1) - &
                                                    1)) /= this%flow%material(operator%target(row)))
   end function reaches_across
+
+  !> Interfaces have places, and a tensor has directions.
+  pure function goes_with_particles(this) result(answer)
+    class(scene_materials_t), intent(in) :: this
+    logical :: answer
+
+    answer = size(this%materials%list) == 1
+    if (answer) answer = this%materials%list(1)%isotropic
+  end function goes_with_particles
 
   !> a_ij ← a_ij (κ_i + κ_j)/2
   pure subroutine scale_rows(operator, conductivity, left_out)

@@ -21,6 +21,7 @@ module calor_scene_reader
   use calor_shapes, only: shape_choices
   use calor_taylor_weights, only: default_order
   use calor_text, only: text_t, text_list, to_text
+  use calor_velocity, only: velocity_t
   implicit none (type, external)
   private
 
@@ -119,6 +120,8 @@ contains
     call read_boundaries(file, scene, error)
     if (allocated(error)) return
     call read_time(file, scene, error)
+    if (allocated(error)) return
+    call read_motion(file, scene, error)
     if (allocated(error)) return
     call read_accuracy(file, scene, error)
     if (allocated(error)) return
@@ -436,6 +439,38 @@ contains
     end associate
   end subroutine read_time
 
+  !> How particles move, but for the velocity itself, which is compiled to find what is wrong with
+  !> it
+  subroutine read_motion(file, scene, error)
+    type(scene_file_t), intent(in) :: file
+    type(scene_t), intent(inout) :: scene
+    type(error_t), allocatable, intent(out) :: error
+    type(group_t) :: group
+    type(velocity_t) :: velocity
+
+    scene%motion%in_force = file%count('motion') > 0
+    if (.not. scene%motion%in_force) return
+    call file%group('motion', group)
+    scene%motion%place = place_of(group, '')
+    call velocity%read(group, error)
+    if (allocated(error)) return
+    if (group%has('step')) call get(group, 'step', scene%motion%step, error, positive=.true.)
+    if (allocated(error)) return
+    call get(group, 'skin', scene%motion%skin, error, default=0.5_wp, non_negative=.true., &
+             maximum=widest_support)
+    if (allocated(error)) return
+    call get(group, 'shifting', scene%motion%shifting, error, default=.false.)
+    if (allocated(error)) return
+    if (scene%time%steady) then
+      call raise_at(error, &
+                    group, '', 'a body that moves has no steady temperature here; remove '// &
+                    '&motion, or &time steady.')
+    else if (scene%motion%shifting .and. (scene%melts .or. .not. scene%uniform_material)) then
+      call raise_at(error, group, 'shifting', 'a particle that is shifted leaves its material '// &
+                    'behind: shifting takes one constant material that does not melt. Remove it.')
+    end if
+  end subroutine read_motion
+
   subroutine read_accuracy(file, scene, error)
     type(scene_file_t), intent(in) :: file
     type(scene_t), intent(inout) :: scene
@@ -456,6 +491,10 @@ contains
       call raise_at(error, group, '', 'the error is not estimated where something melts: the '// &
                     'equation of the error holds for smooth fields. Remove &accuracy, or '// &
                     '&material latent_heat.')
+    end if
+    if (scene%accuracy%estimate .and. scene%motion%in_force) then
+      call raise_at(error, group, '', 'the error of a run with moving particles is not '// &
+                    'estimated; remove &accuracy, or &motion.')
     end if
   end subroutine read_accuracy
 

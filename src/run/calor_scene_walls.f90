@@ -117,13 +117,15 @@ contains
         allocate (held%expression)
         call compile_expression(boundary%value_expression, held%expression, error)
         if (allocated(error)) return
-        held%x = cloud%x(held%particle)
-        held%y = cloud%y(held%particle)
-        call held%expression%evaluate(held%x, held%y, 0.0_wp, values=held%temperature)
-        call check_values(boundary%value_expression, boundary%place, held%temperature, held%x, &
-                          held%y, error)
+        held%places%x = cloud%x(held%particle)
+        held%places%y = cloud%y(held%particle)
+        call held%places%evaluate(held%expression, 0.0_wp, held%temperature)
+        call check_values(boundary%value_expression, boundary%place, held%temperature, &
+                          held%places%x, held%places%y, error)
         if (allocated(error)) return
         if (held%expression%uses('t')) cycle
+        if (scene%motion%in_force .and. (held%expression%uses('x') .or. &
+                                         held%expression%uses('y'))) cycle
         deallocate (held%expression)
       end associate
     end do

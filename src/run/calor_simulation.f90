@@ -22,7 +22,8 @@ module calor_simulation
   use calor_scene, only: scene_t
   use calor_scene_body, only: make_scene_body
   use calor_scene_cloud, only: make_scene_cloud
-  use calor_scene_evolution, only: make_scene_evolution, scene_method, scene_rows_t
+  use calor_scene_evolution, only: make_scene_evolution, row_maker_t, scene_method, scene_rows_t
+  use calor_scene_motion, only: motion_t
   use calor_scene_values, only: field_values
   use calor_simulation_file, only: simulation_file_t, check_target
   use calor_spectral_radius, only: estimate_spectral_radius
@@ -88,6 +89,8 @@ module calor_simulation
     real(wp), allocatable :: temperature(:)
     !> The error of the temperatures, where the scene asks for it
     type(error_transport_t), allocatable :: estimate
+    !> How particles move; not allocated where nothing moves
+    type(motion_t), allocatable :: motion
     !> The unknowns, where they are not the temperatures: heat contents, K
     real(wp), allocatable :: content(:)
     !> Wall time by phase
@@ -108,6 +111,8 @@ module calor_simulation
     procedure :: advance_to
     !> Find out about how many steps a run will take, from its first ones
     procedure :: predict_steps
+    !> About how long a step of the motion will be
+    procedure :: motion_step
     !> Whether the rows and their spectrum allow a run
     procedure :: certify
     !> Search for unstable modes what was prepared without that
@@ -136,6 +141,11 @@ module calor_simulation
     procedure, private :: choose_steps
     procedure, private :: choose_method
     procedure, private :: states_after_start
+    procedure, private :: advance_moving
+    procedure, private :: settle_rows
+    procedure, private :: adopt_rows
+    procedure, private :: check_rows
+    procedure, private :: adapt_steps
     procedure, private :: find_growth
     procedure, private :: write_row_fields
     procedure :: name_particle
@@ -174,6 +184,7 @@ contains
     class(kernel_t), allocatable :: kernel
     type(scene_rows_t) :: rows
     logical :: certified
+    type(row_maker_t) :: maker
 
     if (.not. (scene%time%end > 0 .or. scene%time%steady)) then
       call raise(error, status_bad_input, &
@@ -198,17 +209,25 @@ contains
     this%support_radius = scene%support*this%cloud%spacing
     call this%start_temperature(error)
     if (allocated(error)) return
-    call make_scene_evolution(scene, this%cloud, scene_method(scene), this%temperature, &
-                              this%conduction, rows, error, this%stopwatch, further)
+    if (scene%motion%in_force) then
+      call make_scene_evolution(scene, this%cloud, scene_method(scene), this%temperature, &
+                                this%conduction, rows, error, this%stopwatch, further, maker)
+    else
+      call make_scene_evolution(scene, this%cloud, scene_method(scene), this%temperature, &
+                                this%conduction, rows, error, this%stopwatch, further)
+    end if
     if (allocated(error)) return
     if (allocated(this%conduction%content)) then
       allocate (this%content(size(this%temperature)))
       call this%conduction%find_state(this%temperature, this%content)
     end if
-    this%report = rows%report
-    this%repairs = rows%repairs
-    call move_alloc(rows%radius, this%radius)
-    call this%count_neighbours()
+    call this%adopt_rows(rows)
+    if (scene%motion%in_force) then
+      call this%stopwatch%start('motion')
+      allocate (this%motion)
+      call this%motion%prepare(scene, this%cloud, this%conduction, maker, this%radius, error)
+      if (allocated(error)) return
+    end if
     call this%budget%prepare(this%cloud, this%conduction)
     allocate (this%entries(0))
     if (.not. scene%time%steady) then
@@ -253,7 +272,7 @@ contains
     else if (allocated(this%method)) then
       call file%say('time_method', this%method)
     end if
-    call this%write_row_fields(file)
+    if (.not. allocated(this%motion)) call this%write_row_fields(file)
     states = this%states_after_start()
     do written = 0, states
       if (written > 0) then
@@ -265,6 +284,10 @@ contains
         if (allocated(error)) exit
       end if
       ! After a failure the state is the last good one: it is written too.
+      if (allocated(this%motion)) then
+        if (.not. allocated(error)) call this%settle_rows(error)
+        call file%move_points(this%cloud)
+      end if
       call this%stopwatch%start('output')
       call this%note_budget()
       if (allocated(this%estimate)) then
@@ -273,6 +296,9 @@ contains
       else
         call file%write_state(this%time, this%temperature, this%exact, file_error, &
                               this%liquid_fraction())
+      end if
+      if (allocated(this%motion) .and. .not. allocated(file_error)) then
+        call this%write_row_fields(file)
       end if
       call this%stopwatch%stop()
       if (allocated(error) .or. allocated(file_error)) exit
@@ -315,7 +341,7 @@ contains
     end if
   end function states_after_start
 
-  !> Fields about the rows, which do not change, if the scene asks for them.
+  !> Fields about the rows, which change only where particles move, if the scene asks for them.
   subroutine write_row_fields(this, file)
     class(simulation_t), intent(in) :: this
     type(simulation_file_t), intent(inout) :: file
@@ -329,17 +355,17 @@ contains
         associate (name => this%scene%output%fields(k)%value)
           select case (name)
           case ('row_quality')
-            call file%write_static(name, unpacked(min(quality%ratio, 1.0e6_wp), target, n))
+            call put(name, unpacked(min(quality%ratio, 1.0e6_wp), target, n))
           case ('row_repair')
-            call file%write_static(name, unpacked(real(this%repairs%repair, wp), target, n))
+            call put(name, unpacked(real(this%repairs%repair, wp), target, n))
           case ('neighbours')
-            call file%write_static(name, unpacked(real(quality%neighbours, wp), target, n))
+            call put(name, unpacked(real(quality%neighbours, wp), target, n))
           case ('support_radius')
-            call file%write_static(name, this%radius)
+            call put(name, this%radius)
           case ('condition_gradient')
-            call file%write_static(name, unpacked(this%report%condition_gradient, target, n))
+            call put(name, unpacked(this%report%condition_gradient, target, n))
           case ('condition_laplacian')
-            call file%write_static(name, unpacked(this%report%condition_laplacian, target, n))
+            call put(name, unpacked(this%report%condition_laplacian, target, n))
           case default
             ! A field that changes with time: `write_state` writes it
             continue
@@ -347,6 +373,20 @@ contains
         end associate
       end do
     end associate
+
+  contains
+
+    subroutine put(name, values)
+      character(len=*), intent(in) :: name
+      real(wp), intent(in) :: values(:)
+
+      if (allocated(this%motion)) then
+        call file%write_more(name, values)
+      else
+        call file%write_static(name, values)
+      end if
+    end subroutine put
+
   end subroutine write_row_fields
 
   pure function unpacked(values, place, n) result(field)
@@ -434,6 +474,12 @@ contains
         call append(texts, 'temperature held on '''//boundary%on//'''')
       end associate
     end do
+    if (allocated(this%motion)) then
+      call append(texts, 'motion ('//this%motion%velocity%place//')')
+      if (this%scene%motion%shifting) then
+        call append(texts, 'shifting ('//this%scene%motion%place//')')
+      end if
+    end if
     if (.not. allocated(this%conduction%effects)) return
     do k = 1, size(this%conduction%effects)
       associate (effect => this%conduction%effects(k)%effect)
@@ -449,6 +495,11 @@ contains
     !> The numbers went wrong; time and temperature are those of the last good state
     type(error_t), allocatable, intent(out) :: error
 
+    if (allocated(this%motion)) then
+      call this%advance_moving(time, error)
+      call this%stopwatch%stop()
+      return
+    end if
     if (allocated(this%content)) then
       call advance(this%content)
       call this%conduction%find_temperature(this%content, this%temperature)
@@ -477,6 +528,99 @@ contains
     end subroutine advance
 
   end subroutine advance_to
+
+  !> Step to a time while particles move: each step of the motion has rows of its own, for the cloud
+  !> in its middle, and conduction takes as many steps in it as it needs.
+  subroutine advance_moving(this, time, error)
+    class(simulation_t), intent(inout) :: this
+    !> Time to reach, s
+    real(wp), intent(in) :: time
+    !> The numbers went wrong, or the motion spoilt the cloud
+    type(error_t), allocatable, intent(out) :: error
+    type(scene_rows_t) :: rows
+    type(error_t), allocatable :: ignored
+    real(wp) :: until
+    logical :: renewed
+
+    do while (this%time < time)
+      call this%stopwatch%start('motion')
+      call this%motion%plan(this%cloud, this%time, time - this%time, error)
+      if (allocated(error)) return
+      until = this%time + this%motion%path%step
+      if (until >= time - 4*spacing(time)) until = time
+      call this%motion%enter_middle(this%scene, this%cloud, this%conduction, rows, renewed, &
+                                    error, this%stopwatch)
+      if (.not. allocated(error) .and. renewed) call this%adopt_rows(rows, error)
+      if (allocated(error)) then
+        ! Back to the last good state
+        call this%motion%go_to(this%time, this%cloud, this%conduction)
+        call this%settle_rows(ignored)
+        return
+      end if
+      call this%stopwatch%start('steps')
+      call this%stepper%integrator%restart()
+      if (allocated(this%content)) then
+        call this%stepper%advance_to(this%conduction, this%time, until, this%content, error)
+        call this%conduction%find_temperature(this%content, this%temperature)
+      else
+        call this%stepper%advance_to(this%conduction, this%time, until, this%temperature, error)
+      end if
+      call this%stopwatch%start('motion')
+      call this%motion%go_to(this%time, this%cloud, this%conduction)
+      if (allocated(error)) return
+      if (this%scene%motion%shifting) then
+        call this%stopwatch%start('shifting')
+        call this%motion%shift(this%scene, this%cloud, this%conduction, this%temperature)
+        call this%conduction%impose(this%time, this%temperature)
+      end if
+    end do
+  end subroutine advance_moving
+
+  !> Rows for where the particles are, as what is told of a state needs them.
+  subroutine settle_rows(this, error)
+    class(simulation_t), intent(inout) :: this
+    !> There are none
+    type(error_t), allocatable, intent(out) :: error
+    type(scene_rows_t) :: rows
+    logical :: renewed
+
+    call this%stopwatch%start('motion')
+    call this%motion%renew_rows(this%scene, this%cloud, this%conduction, rows, renewed, error, &
+                                this%stopwatch)
+    if (allocated(error) .or. .not. renewed) return
+    call this%adopt_rows(rows, error)
+    call this%conduction%follow(this%cloud%x, this%cloud%y, this%motion%places)
+    if (.not. this%scene%motion%shifting) return
+    call this%motion%share_area(this%cloud)
+    this%conduction%medium%area = this%cloud%area
+    call this%budget%weigh(this%cloud%area)
+  end subroutine settle_rows
+
+  !> Note what is known of new rows; where particles move, see whether the run can go on with them.
+  subroutine adopt_rows(this, rows, error)
+    class(simulation_t), intent(inout) :: this
+    !> Is moved
+    type(scene_rows_t), intent(inout) :: rows
+    !> It cannot
+    type(error_t), allocatable, intent(out), optional :: error
+
+    this%report = rows%report
+    this%repairs = rows%repairs
+    call move_alloc(rows%radius, this%radius)
+    call this%count_neighbours()
+    if (.not. present(error)) return
+    call this%conduction%linearise(this%time, this%state())
+    call this%check_rows(error)
+    if (allocated(error)) then
+      error%message = 'At t = '//to_text(this%time, digits=6)//' s the motion has spoilt the '// &
+                      'cloud. '//error%message
+      if (.not. this%scene%motion%shifting) then
+        error%message = error%message//' &motion shifting = .true. keeps particles evenly spread.'
+      end if
+      return
+    end if
+    call this%adapt_steps(error)
+  end subroutine adopt_rows
 
   !> The unknowns: heat contents where they are kept, temperatures elsewhere.
   pure function state(this)
@@ -688,14 +832,49 @@ contains
       if (time < end_time .and. .not. allocated(error)) then
         this%predicted_steps = pilot%steps + (end_time - time)/pilot%next_proposal()
       end if
+      ! Each step of the motion is a step at least.
+      if (allocated(this%motion)) then
+        this%predicted_steps = max(this%predicted_steps, end_time/this%motion_step())
+      end if
     end associate
   end subroutine predict_steps
+
+  !> About how long a step of the motion will be, s
+  function motion_step(this) result(step)
+    class(simulation_t), intent(inout) :: this
+    real(wp) :: step
+    real(wp) :: longest
+
+    longest = this%scene%time%end
+    if (this%scene%output%every > 0) longest = min(longest, this%scene%output%every)
+    step = this%motion%first_step(this%cloud, longest)
+  end function motion_step
 
   !> Whether a run would be stable: every row is exact or may be inexact, and no eigenvalue lies to
   !> the right of zero.
   subroutine certify(this, error)
     class(simulation_t), intent(in) :: this
     !> Why not, in figures, and what to do about it
+    type(error_t), allocatable, intent(out) :: error
+
+    call this%check_rows(error)
+    if (allocated(error)) return
+    if (this%rightmost%growth_rate > 0 .and. .not. this%scene%allow_unstable) then
+      call raise(error, status_bad_numbers, 'The scheme '//this%scene%laplacian// &
+                 ' is unstable on this cloud: an eigenvalue has the real part +'// &
+                 to_text(this%rightmost%growth_rate, &
+                         digits=3)//' 1/s, so errors grow by a factor '// &
+                 'of e every '//to_text(1/this%rightmost%growth_rate, digits=3)//' s'// &
+                 this%where_unstable()//'.'//new_line('a')// &
+                 'Take &scheme laplacian = ''fatehi_manzari'' or ''positive'' with '// &
+                 'support_growth = .true., or allow_unstable = .true. to run it all the same.')
+    end if
+  end subroutine certify
+
+  !> Whether every row is exact, or may be inexact.
+  subroutine check_rows(this, error)
+    class(simulation_t), intent(in) :: this
+    !> Which one is not
     type(error_t), allocatable, intent(out) :: error
     character(len=:), allocatable :: subject
     integer :: inexact, row
@@ -715,19 +894,8 @@ contains
                  'than to each other.'//new_line('a')// &
                  'Move or add particles there, or set &scheme allow_inexact_rows = .true. to '// &
                  'use the best stable row. &output fields = ''row_repair'' shows where.')
-      return
     end if
-    if (this%rightmost%growth_rate > 0 .and. .not. this%scene%allow_unstable) then
-      call raise(error, status_bad_numbers, 'The scheme '//this%scene%laplacian// &
-                 ' is unstable on this cloud: an eigenvalue has the real part +'// &
-                 to_text(this%rightmost%growth_rate, &
-                         digits=3)//' 1/s, so errors grow by a factor '// &
-                 'of e every '//to_text(1/this%rightmost%growth_rate, digits=3)//' s'// &
-                 this%where_unstable()//'.'//new_line('a')// &
-                 'Take &scheme laplacian = ''fatehi_manzari'' or ''positive'' with '// &
-                 'support_growth = .true., or allow_unstable = .true. to run it all the same.')
-    end if
-  end subroutine certify
+  end subroutine check_rows
 
   subroutine search_growth(this, error)
     class(simulation_t), intent(inout) :: this
@@ -772,6 +940,37 @@ contains
                                   'step is too long: take a smaller &time step or tolerance.'
     end if
   end subroutine find_growth
+
+  !> New rows have a spectrum of their own, of which Gershgorin's bound is known at no cost.
+  subroutine adapt_steps(this, error)
+    class(simulation_t), intent(inout) :: this
+    !> The user's own step has become unstable
+    type(error_t), allocatable, intent(out) :: error
+
+    associate (time => this%scene%time, stepper => this%stepper)
+      stepper%spectral_radius = max(this%conduction%spectral_bound(), 1.0e-6_wp/time%end)
+      this%stability_limit = stepper%integrator%longest_stable_step(stepper%spectral_radius)
+      if (time%step > 0) then
+        if (time%step <= this%stability_limit) return
+        call raise(error, status_bad_numbers, time%place//': at t = '// &
+                   to_text(this%time, digits=6)//' s the motion has brought particles so near '// &
+                   'to each other that step = '//to_text(time%step)//' s is beyond the '// &
+                   'stability limit, '//to_text(this%stability_limit, digits=4)//' s: take a '// &
+                   'smaller step, or leave step out and let the program choose.')
+      else if (stepper%integrator%estimates_error()) then
+        stepper%longest_step = this%stability_limit
+      else
+        stepper%longest_step = safe_part*this%stability_limit
+        if (this%conduction%fastest_decay() > 0) then
+          this%monotone_limit = &
+            stepper%integrator%longest_monotone_step(this%conduction%fastest_decay())
+          if (this%monotone_limit > 0) then
+            stepper%longest_step = min(stepper%longest_step, this%monotone_limit)
+          end if
+        end if
+      end if
+    end associate
+  end subroutine adapt_steps
 
   pure function where_unstable(this) result(text)
     class(simulation_t), intent(in) :: this
@@ -858,7 +1057,9 @@ contains
       scale = this%conduction%temperature_scale()
       tolerance = default_tolerance*scale
       if (time%tolerance > 0) tolerance = time%tolerance*scale
-      if (time%method == 'auto' .and. .not. time%step > 0 .and. .not. time%only_rkl2) then
+      ! Rows that change with the motion would have to be factorised anew each time.
+      if (time%method == 'auto' .and. .not. time%step > 0 .and. .not. time%only_rkl2 .and. &
+          .not. this%scene%motion%in_force) then
         call this%choose_method(tolerance, error)
         if (allocated(error)) return
       end if
@@ -868,6 +1069,13 @@ contains
                    'linear problems that do not change with time, and in this scene a wall or '// &
                    'effect depends on the time, or on the temperature not linearly: take '// &
                    '''auto'', ''rkl2'' or ''tr_bdf2''.')
+        return
+      end if
+      if (this%scene%motion%in_force .and. &
+          (this%method == 'tr_bdf2' .or. this%method == 'exponential')) then
+        call raise(error, status_bad_input, time%place//': method = '''//this%method//''' does '// &
+                   'not take particles that move, whose rows change at every step: take '// &
+                   '''auto'' or ''rkl2''.')
         return
       end if
       if (this%method == 'tr_bdf2' .and. allocated(this%conduction%content)) then

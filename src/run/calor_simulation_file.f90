@@ -27,6 +27,8 @@ module calor_simulation_file
     real(wp), allocatable, private :: x(:), y(:)
     integer, allocatable, private :: place(:)
     integer, private :: states = 0
+    !> Whether particles move
+    logical, private :: in_motion = .false.
     !> The first error of a note, reported on closing
     type(error_t), allocatable, private :: pending
   contains
@@ -34,8 +36,12 @@ module calor_simulation_file
     procedure :: open => open_file
     !> Write a field that does not change
     procedure :: write_static
+    !> Take the places of particles that move, for the next state
+    procedure :: move_points
     !> Append a state
     procedure :: write_state
+    !> Write a further field of the last state
+    procedure :: write_more
     !> Note a figure about the run
     procedure :: note
     !> The same in words
@@ -69,7 +75,8 @@ contains
     this%place(cloud%user_index) = [(k, k=1, cloud%particles())]
     this%x = cloud%x(this%place)
     this%y = cloud%y(this%place)
-    call this%file%create(scene%output%file, this%x, this%y, error)
+    this%in_motion = scene%motion%in_force
+    call this%file%create(scene%output%file, this%x, this%y, error, moving=this%in_motion)
     if (allocated(error)) return
     call write_origin(this%file, scene, cloud, error)
     if (allocated(error)) then
@@ -181,6 +188,8 @@ contains
     ordered = temperature(this%place)
     call this%file%begin_step(time, error)
     if (allocated(error)) return
+    if (this%in_motion) call this%file%write_places(this%x, this%y, error)
+    if (allocated(error)) return
     do k = 1, size(this%fields)
       select case (this%fields(k)%value)
       case ('temperature')
@@ -218,6 +227,27 @@ contains
     ! A second state: the run works, so the file takes its place, that of an older one perhaps.
     if (this%states == 2) call this%file%publish(error)
   end subroutine write_state
+
+  subroutine move_points(this, cloud)
+    class(simulation_file_t), intent(inout) :: this
+    !> Where particles are now
+    type(cloud_t), intent(in) :: cloud
+
+    if (.not. this%in_use) return
+    this%x = cloud%x(this%place)
+    this%y = cloud%y(this%place)
+  end subroutine move_points
+
+  subroutine write_more(this, name, values)
+    class(simulation_file_t), intent(inout) :: this
+    !> Name of the field
+    character(len=*), intent(in) :: name
+    !> Its values in the cloud's order
+    real(wp), intent(in) :: values(:)
+
+    if (.not. this%in_use .or. allocated(this%pending)) return
+    call this%file%write_field(name, values(this%place), this%pending)
+  end subroutine write_more
 
   subroutine note(this, name, value)
     class(simulation_file_t), intent(inout) :: this

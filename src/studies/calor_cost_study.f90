@@ -106,6 +106,11 @@ contains
     allocate (this%written(0))
     call check_target(scene%cost%file, scene%cost%place, scene, error)
     if (allocated(error)) return
+    if (scene%motion%in_force) then
+      call raise(error, status_bad_input, scene%motion%place//': calor cost compares runs of '// &
+                 'bodies at rest; remove the group.')
+      return
+    end if
     methods = cost_methods(scene)
     spacings = scene%cost%spacings
     if (size(spacings) == 0) spacings = usual_spacings*scene%domain%spacing

@@ -84,6 +84,8 @@ module calor_verification
                           melted_length, 0.6_wp, 0.02_wp), &
       verification_case_t('stefan_5', 'Stefan number 5, similarity solution, front, m', &
                           melted_length, 0.6_wp, 0.02_wp), &
+      verification_case_t('rotating_gaussian', 'Gaussian, one full turn, relative L2 error', &
+                          error_of_field, 0.0_wp, 4.0e-3_wp), &
       verification_case_t('rosenthal', 'moving source, Rosenthal, relative L2 error', &
                           error_of_source, 0.0_wp, 3.0e-2_wp)]
 
