@@ -8,17 +8,35 @@ module run_progress
   public :: run_progress_t
 
   type, extends(observer_t) :: run_progress_t
+    logical :: quiet = .false., verbose = .false.
   contains
+    procedure :: begin
+    procedure :: finish
     procedure :: reached
   end type run_progress_t
 
 contains
+
+  subroutine begin(this, quiet, verbose)
+    class(run_progress_t), intent(inout) :: this
+    logical, intent(in) :: quiet, verbose
+
+    this%quiet = quiet
+    this%verbose = verbose
+  end subroutine begin
+
+  subroutine finish(this)
+    class(run_progress_t), intent(inout) :: this
+
+    if (.not. this%quiet) call say('')
+  end subroutine finish
 
   subroutine reached(this, simulation)
     class(run_progress_t), intent(inout) :: this
     type(simulation_t), intent(in) :: simulation
     logical :: said
 
+    if (this%quiet) return
     call say('t = '//to_text(simulation%time, digits=6)//' s   temperature '// &
              to_text(minval(simulation%temperature), digits=6)//' to '// &
              to_text(maxval(simulation%temperature), digits=6)//'   step '// &

@@ -522,9 +522,9 @@ contains
     if (allocated(error)) return
     call check(error, index(csv, '"unstable, ""very"""') > 0, csv)
     if (allocated(error)) return
-    call check(error, index(cost_picture(made_up(), 'a "b"', 1.0_wp, 2), 'double_gradient'), 0)
+    call check(error, index(cost_picture(made_up(), 'a "b"', 2, 1.0_wp), 'double_gradient'), 0)
     if (allocated(error)) return
-    call check(error, index(cost_picture(made_up(), 'a "b"', 1.0_wp, 2), 'title "a \"b\""') > 0)
+    call check(error, index(cost_picture(made_up(), 'a "b"', 2, 1.0_wp), 'title "a \"b\""') > 0)
   end subroutine test_failures
 
   !> Where nothing can be measured, what is wrong with the scene is said.
