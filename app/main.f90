@@ -123,7 +123,8 @@ contains
     if (allocated(error)) return
     if (.not. quiet) call say_lines(describe_plan(simulation))
     if (.not. quiet) call say('')
-    call progress%begin(quiet, asked%has('--verbose'))
+    said = everything_said()
+    call progress%begin(scene%time%end, quiet, asked%has('--verbose'))
     call simulation%run(error, progress)
     call progress%finish()
     if (allocated(error) .or. quiet) return

@@ -47,6 +47,7 @@ module calor
   use calor_operator_study, only: operator_study_t, derivative_t
   use calor_plot, only: plot_request_t, plot_file
   use calor_polygon_body, only: make_polygon_body
+  use calor_progress_line, only: progress_line, bar, duration_text
   use calor_rectangle_body, only: make_rectangle_body
   use calor_rectangle_cloud, only: make_rectangle
   use calor_renormalization, only: gradient_tensor, laplacian_tensor

@@ -2,7 +2,9 @@
 !>
 !> A place belongs to the body if the particles about it lie on all sides of it: the angle between
 !> the directions to two of them that follow each other is nowhere more than π. The map therefore
-!> ends at the outermost particles, and holes stay empty. Its values are moving least squares of
+!> ends at the outermost particles, and holes stay empty. Where it is known which particles lie on
+!> walls, a place near a wall must also see one that does not, past the lines from each wall
+!> particle to the next: so concave corners stay sharp. Its values are moving least squares of
 !> degree 2, which reproduce quadratic fields, cut to the range of the particles about the place, so
 !> that a jump does not ring. The weights are found once and serve every field on these particles.
 !>
@@ -53,13 +55,15 @@ module calor_field_map
 contains
 
   !> Lay a grid over particles.
-  subroutine make_field_map(x, y, spacing, points, map)
+  subroutine make_field_map(x, y, spacing, points, wall, map)
     !> Coordinates of the particles, m
     real(wp), intent(in) :: x(:), y(:)
     !> About the distance between them, m
     real(wp), intent(in) :: spacing
     !> Points along the longer side
     integer, intent(in) :: points
+    !> Which particles lie on walls; all false where that is not known
+    logical, intent(in) :: wall(:)
     !> The grid
     type(field_map_t), intent(out) :: map
     real(wp), allocatable :: own(:)
@@ -76,7 +80,7 @@ contains
     call find_own_spacing(x, y, spacing, own)
     call find_nearest(x, y, own, map)
     call build_neighbour_list(x, y, (value_reach + hull_reach)*own, list)
-    call find_weights(x, y, own, list, map)
+    call find_weights(x, y, own, wall, list, map)
   end subroutine make_field_map
 
   !> For each particle the distance of its neighbour of the rank that counts.
@@ -144,8 +148,9 @@ contains
   end subroutine find_nearest
 
   !> The points inside, and the weights there.
-  subroutine find_weights(x, y, own, list, map)
+  subroutine find_weights(x, y, own, wall, list, map)
     real(wp), intent(in) :: x(:), y(:), own(:)
+    logical, intent(in) :: wall(:)
     type(neighbour_list_t), intent(in) :: list
     type(field_map_t), intent(inout) :: map
     integer(ip), allocatable :: index(:, :)
@@ -162,11 +167,11 @@ contains
     used = 0
     do j = 1, map%rows
       !$omp parallel do default(none) schedule(dynamic, 16) &
-      !$omp shared(map, x, y, own, list, index, weight, count, j)
+      !$omp shared(map, x, y, own, wall, list, index, weight, count, j)
       do i = 1, map%columns
-        call weigh_point(x, y, own, list, map%nearest(i, j), map%x0 + (i - 1)*map%step, &
-                         map%y0 + (j - 1)*map%step, index(:, i), weight(:, i), count(i), &
-                         map%inside(i, j))
+        call weigh_point(x, y, own, wall, list, map%nearest(i, j), &
+                         map%x0 + (i - 1)*map%step, map%y0 + (j - 1)*map%step, &
+                         index(:, i), weight(:, i), count(i), map%inside(i, j))
       end do
       !$omp end parallel do
       call grow(map, used + sum(count))
@@ -198,8 +203,9 @@ contains
   end subroutine grow
 
   !> Whether a point is inside, and which particles tell its value.
-  subroutine weigh_point(x, y, own, list, nearest, px, py, index, weight, count, inside)
+  subroutine weigh_point(x, y, own, wall, list, nearest, px, py, index, weight, count, inside)
     real(wp), intent(in) :: x(:), y(:), own(:)
+    logical, intent(in) :: wall(:)
     type(neighbour_list_t), intent(in) :: list
     integer(ip), intent(in) :: nearest
     real(wp), intent(in) :: px, py
@@ -248,7 +254,11 @@ contains
       end associate
     end do
     count = info
-    if (.not. inside) inside = surrounded(angle(:angles))
+    if (.not. inside) then
+      inside = surrounded(angle(:angles))
+      if (inside .and. wall(nearest)) inside = sees_body(px, py, x(index(:count)), &
+                                                         y(index(:count)), wall(index(:count)), s)
+    end if
     if (.not. inside) then
       count = 0
       return
@@ -300,6 +310,55 @@ contains
       if (.not. answer) return
     end do
   end function surrounded
+
+  !> Whether the straight way from a place to a particle within the body crosses no line from one
+  !> wall particle to the next. Where all particles about lie on walls, that is not asked.
+  pure function sees_body(px, py, x, y, wall, spacing) result(answer)
+    real(wp), intent(in) :: px, py, x(:), y(:), spacing
+    logical, intent(in) :: wall(:)
+    logical :: answer
+    !> Wall particles that follow each other are no farther apart, in spacings
+    real(wp), parameter :: next = 1.25_wp
+    logical :: blocked
+    integer :: k, i, j
+
+    answer = all(wall)
+    do k = 1, size(x)
+      if (answer) return
+      if (wall(k)) cycle
+      blocked = .false.
+      do i = 1, size(x)
+        if (.not. wall(i)) cycle
+        do j = i + 1, size(x)
+          if (.not. wall(j)) cycle
+          if (hypot(x(j) - x(i), y(j) - y(i)) > next*spacing) cycle
+          blocked = blocked .or. (turn(i, j, px, py)*turn(i, j, x(k), y(k)) < 0 .and. &
+                                  way(i)*way(j) < 0)
+        end do
+      end do
+      answer = .not. blocked
+    end do
+
+  contains
+
+    !> On which side of the line from one particle to another a place lies
+    pure function turn(from, to, qx, qy)
+      integer, intent(in) :: from, to
+      real(wp), intent(in) :: qx, qy
+      real(wp) :: turn
+
+      turn = (x(to) - x(from))*(qy - y(from)) - (y(to) - y(from))*(qx - x(from))
+    end function turn
+
+    !> On which side of the way a particle lies
+    pure function way(particle)
+      integer, intent(in) :: particle
+      real(wp) :: way
+
+      way = (x(k) - px)*(y(particle) - py) - (y(k) - py)*(x(particle) - px)
+    end function way
+
+  end function sees_body
 
   !> A field at the points inside; elsewhere 0.
   subroutine values(this, field, grid)

@@ -166,7 +166,8 @@ contains
       if (allocated(error)) return
       moved = k == 1
       if (.not. moved) moved = any(abs(x - old_x) > 0) .or. any(abs(y - old_y) > 0)
-      if (moved) call make_field_map(x, y, spacing_of(stored, x, y), frame(1), map)
+      if (moved) call make_field_map(x, y, spacing_of(stored, x, y), frame(1), &
+                                     on_wall(stored), map)
       old_x = x
       old_y = y
       if (k == 1) then
@@ -339,8 +340,22 @@ contains
     real(wp), allocatable :: x(:), y(:)
 
     call stored%read_places(step, x, y, error)
-    if (.not. allocated(error)) call make_field_map(x, y, spacing_of(stored, x, y), points, map)
+    if (.not. allocated(error)) call make_field_map(x, y, spacing_of(stored, x, y), points, &
+                                                    on_wall(stored), map)
   end subroutine prepare_map
+
+  !> Which particles lie on walls; none where the file does not say
+  function on_wall(stored) result(wall)
+    type(stored_fields_t), intent(in) :: stored
+    logical, allocatable :: wall(:)
+    type(error_t), allocatable :: error
+    real(wp), allocatable :: values(:)
+
+    allocate (wall(stored%particles), source=.false.)
+    if (.not. stored%has('wall')) return
+    call stored%read_field('wall', 1, values, error)
+    if (.not. allocated(error)) wall = values > 0.5_wp
+  end function on_wall
 
   !> What the file says, or what would spread the particles evenly over their extent
   pure function spacing_of(stored, x, y) result(spacing)

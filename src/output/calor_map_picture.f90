@@ -67,11 +67,13 @@ contains
     !> A map may be wider than high by this factor before the bar goes below
     real(wp), parameter :: flat = 2.2_wp
     !> Thin bodies keep so much room, in letters
-    integer, parameter :: thinnest = 3, least_width = 34
+    integer, parameter :: thinnest = 3, least_width = 30
     real(wp) :: aspect
-    integer :: room
+    integer :: room, unit
 
     layout%letters = letters
+    ! Points are larger than pixels.
+    unit = (4*letters)/3
     aspect = real(map%columns, wp)/map%rows
     layout%map_width = nint(longest*min(1.0_wp, aspect))
     layout%map_height = nint(longest/max(1.0_wp, aspect))
@@ -80,19 +82,19 @@ contains
       layout%map_width = nint(0.85_wp*layout%map_width)
       layout%map_height = nint(0.85_wp*layout%map_height)
     end if
-    layout%map_width = max(layout%map_width, thinnest*letters)
-    layout%map_height = max(layout%map_height, thinnest*letters)
+    layout%map_width = max(layout%map_width, thinnest*unit)
+    layout%map_height = max(layout%map_height, thinnest*unit)
     layout%bar_below = aspect > flat
-    layout%left = 6*letters
-    layout%top = nint((1.2_wp + 1.7_wp*lines_of_title)*letters)
-    layout%bottom = 5*letters
-    layout%right = 12*letters
+    layout%left = 6*unit
+    layout%top = nint((1.2_wp + 1.7_wp*lines_of_title)*unit)
+    layout%bottom = 4*unit
+    layout%right = 8*unit
     if (layout%bar_below) then
-      layout%right = 3*letters
-      layout%bottom = nint(10.5_wp*letters)
+      layout%right = 3*unit
+      layout%bottom = 8*unit
     end if
     ! The title of a narrow map needs room too.
-    room = least_width*letters - layout%left - layout%right - layout%map_width
+    room = least_width*unit - layout%left - layout%right - layout%map_width
     if (room > 0 .and. maps == 1) then
       layout%left = layout%left + room/2
       layout%right = layout%right + room - room/2
@@ -100,7 +102,7 @@ contains
     layout%across = maps
     if (maps > 2) layout%across = merge(1, ceiling(sqrt(real(maps, wp))), layout%bar_below)
     layout%down = (maps + layout%across - 1)/layout%across
-    if (maps > 1) layout%head = 3*letters
+    if (maps > 1) layout%head = 3*unit
     layout%width = layout%across*(layout%left + layout%map_width + layout%right)
     layout%height = layout%head + layout%down*(layout%top + layout%map_height + layout%bottom)
   end function lay_out
@@ -174,12 +176,12 @@ contains
       if (k > 1) script = script//','
       script = script//to_text(k - 1)//' "'//viridis(k)//'"'
     end do
-    unit = layout%letters
+    unit = (4*layout%letters)/3
     if (layout%bar_below) then
-      bar = [edge(1), edge(2) - 5.5_wp*unit, real(layout%map_width, wp), unit]
+      bar = [edge(1), edge(2) - 4.5_wp*unit, real(layout%map_width, wp), unit]
       script = script//')'//end//'set colorbox horizontal'
     else
-      bar = [edge(1) + layout%map_width + 1.5_wp*unit, edge(2), unit, real(layout%map_height, wp)]
+      bar = [edge(1) + layout%map_width + unit, edge(2), unit, real(layout%map_height, wp)]
       script = script//')'//end//'set colorbox vertical'
     end if
     script = script//' user origin '//part(bar(1), layout%width)//','// &
@@ -189,9 +191,9 @@ contains
              'set xlabel "x, m"'//end//'set ylabel "y, m"'//end// &
              'set cblabel "'//in_script(view%label)//'" noenhanced'//end// &
              'set tics out nomirror'//end//'set border 3 linewidth 0.7'//end//'unset key'//end// &
-             'set xtics '//tics(x(2) - x(1), layout%map_width/(5*layout%letters))//end// &
+             'set xtics '//tics(x(2) - x(1), layout%map_width/(6*layout%letters))//end// &
              'set ytics '//tics(y(2) - y(1), layout%map_height/(3*layout%letters))//end// &
-             'set format cb "%g"'//end//'set cbtics autofreq'//end
+             'set xlabel offset 0,0.3'//end//'set format cb "%g"'//end//'set cbtics autofreq'//end
     if (size(levels) == 0) then
       script = script//'set cbtics ("'//to_text(view%low, digits=6)//'" '//number(view%low)//')'// &
                end

@@ -135,7 +135,7 @@ module calor_starting_scenes
       '! The later material holds where both say they do: here with a web through the wool.', &
       '&material  conductivity = 0.04  density = 100.0  heat_capacity = 800.0 /', &
       '&material  conductivity = 200.0  density = 2700.0  heat_capacity = 900.0', &
-      '           where_expression = ''x > 0.045 or abs(y - 0.015) < 0.002'' /', &
+      '           where_expression = ''x > 0.045 || abs(y - 0.015) < 0.002'' /', &
       '', &
       '&initial   temperature = 278.15 /', &
       '', &
@@ -149,8 +149,8 @@ module calor_starting_scenes
       ]
 
   character(len=width), parameter :: hot_spot(*) = [character(len=width) :: &
-      '! A chip of silicon, 10 mm by 0.5 mm in section: a small part of its top works for half a', &
-      '! second in each; the back is cooled.', &
+      '! A chip of silicon, 10 mm by 0.5 mm in section: a small part of its top works for 20 ms,', &
+      '! and its back is cooled.', &
       '', &
       '&scene     title = ''@'' /', &
       '', &
@@ -163,7 +163,7 @@ module calor_starting_scenes
       '', &
       '! 3 mm to 4 mm from the left, the upper 0.1 mm; W/m3, switched off at 20 ms', &
       '&source    power_expression = ''t < 0.02 ? 1e10 : 0''', &
-      '           where_expression = ''abs(x - 0.0035) < 0.0005 and y > 0.0004'' /', &
+      '           where_expression = ''abs(x - 0.0035) < 0.0005 && y > 0.0004'' /', &
       '', &
       '&boundary  on = ''all''     kind = ''insulated'' /', &
       '&boundary  on = ''bottom''  kind = ''convection''  coefficient = 20000.0  ambient = 293.15 /', &
