@@ -48,9 +48,13 @@ contains
     call append(lines, '  fi')
     call append(lines, '  [[ -z $words ]] || COMPREPLY=($(compgen -W "$words" -- "$word"))')
     call append(lines, '}')
+    call append(lines, '# Folders, and files with one of some endings')
     call append(lines, '_calor_files() {')
-    call append(lines, '  local IFS=$''\n''')
-    call append(lines, '  COMPREPLY=($(compgen -f -X "!$1" -- "$2") $(compgen -d -- "$2"))')
+    call append(lines, '  local IFS=$''\n'' word=$1 ending')
+    call append(lines, '  shift')
+    call append(lines, '  COMPREPLY=($(compgen -d -- "$word"))')
+    call append(lines, '  for ending; do COMPREPLY+=($(compgen -f -X "!*.$ending" -- "$word")); '// &
+                'done')
     call append(lines, '  compopt -o filenames 2>/dev/null')
     call append(lines, '}')
     call append(lines, 'complete -F _calor calor')
@@ -64,9 +68,9 @@ contains
 
       select case (content)
       case (scene_file)
-        call append(lines, '      '//command//') _calor_files ''*.nml'' "$word" ;;')
+        call append(lines, '      '//command//') _calor_files "$word" nml ;;')
       case (output_file)
-        call append(lines, '      '//command//') _calor_files ''*.@(vtkhdf|csv)'' "$word" ;;')
+        call append(lines, '      '//command//') _calor_files "$word" vtkhdf csv ;;')
       case (starting_scene)
         call append(lines, '      '//command//') ((COMP_CWORD > 2)) || words='''// &
                     join(choice_names(starting_scenes), ' ')//''' ;;')

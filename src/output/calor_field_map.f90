@@ -257,7 +257,8 @@ contains
     if (.not. inside) then
       inside = surrounded(angle(:angles))
       if (inside .and. wall(nearest)) inside = sees_body(px, py, x(index(:count)), &
-                                                         y(index(:count)), wall(index(:count)), s)
+                                                         y(index(:count)), wall(index(:count)), &
+                                                         own(index(:count)))
     end if
     if (.not. inside) then
       count = 0
@@ -313,8 +314,8 @@ contains
 
   !> Whether the straight way from a place to a particle within the body crosses no line from one
   !> wall particle to the next. Where all particles about lie on walls, that is not asked.
-  pure function sees_body(px, py, x, y, wall, spacing) result(answer)
-    real(wp), intent(in) :: px, py, x(:), y(:), spacing
+  pure function sees_body(px, py, x, y, wall, own) result(answer)
+    real(wp), intent(in) :: px, py, x(:), y(:), own(:)
     logical, intent(in) :: wall(:)
     logical :: answer
     !> Wall particles that follow each other are no farther apart, in spacings
@@ -331,7 +332,7 @@ contains
         if (.not. wall(i)) cycle
         do j = i + 1, size(x)
           if (.not. wall(j)) cycle
-          if (hypot(x(j) - x(i), y(j) - y(i)) > next*spacing) cycle
+          if (hypot(x(j) - x(i), y(j) - y(i)) > next*min(own(i), own(j))) cycle
           blocked = blocked .or. (turn(i, j, px, py)*turn(i, j, x(k), y(k)) < 0 .and. &
                                   way(i)*way(j) < 0)
         end do

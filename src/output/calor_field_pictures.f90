@@ -17,7 +17,7 @@ module calor_field_pictures
   !> Points along the longer side of a map, its length in pixels, and letters in points: for a
   !> single picture, for each frame of a moving one, and for each of several maps in a picture
   integer, parameter :: single(*) = [420, 760, 16], frame(*) = [220, 500, 12], &
-                        several(*) = [240, 380, 14]
+                        several(*) = [240, 400, 16]
   !> Frames of a moving picture, and how long each stays, s
   integer, parameter :: most_frames = 60
   real(wp), parameter :: frame_seconds = 0.15_wp

@@ -91,7 +91,7 @@ contains
     layout%right = 8*unit
     if (layout%bar_below) then
       layout%right = 3*unit
-      layout%bottom = 8*unit
+      layout%bottom = 9*unit
     end if
     ! The title of a narrow map needs room too.
     room = least_width*unit - layout%left - layout%right - layout%map_width
@@ -158,8 +158,9 @@ contains
 
     column = mod(place - 1, layout%across)
     row = (place - 1)/layout%across
-    x = map%x0 + [-0.5_wp, map%columns - 0.5_wp]*map%step
-    y = map%y0 + [-0.5_wp, map%rows - 0.5_wp]*map%step
+    ! A little more, so that rounding hides no mark at an end
+    x = map%x0 + [-0.501_wp, map%columns - 0.499_wp]*map%step
+    y = map%y0 + [-0.501_wp, map%rows - 0.499_wp]*map%step
     ! The lower left corner of the axes, from the lower left corner of the picture
     edge = [real(column*(layout%left + layout%map_width + layout%right) + layout%left, wp), &
             layout%height - layout%head - real(row*(layout%top + layout%map_height + &
@@ -178,7 +179,7 @@ contains
     end do
     unit = (4*layout%letters)/3
     if (layout%bar_below) then
-      bar = [edge(1), edge(2) - 4.5_wp*unit, real(layout%map_width, wp), unit]
+      bar = [edge(1), edge(2) - 5.5_wp*unit, real(layout%map_width, wp), unit]
       script = script//')'//end//'set colorbox horizontal'
     else
       bar = [edge(1) + layout%map_width + unit, edge(2), unit, real(layout%map_height, wp)]
@@ -217,7 +218,7 @@ contains
     real(wp) :: decade
     integer :: k, parts
 
-    parts = max(1, min(6, most))
+    parts = max(2, min(6, most))
     decade = 10.0_wp**floor(log10(extent/parts))
     do k = 1, size(steps) - 1
       if (extent/(steps(k)*decade) <= parts + 0.5_wp) exit

@@ -152,13 +152,13 @@ contains
     type(phase_t), intent(in) :: phase
     real(wp), intent(in) :: total
     character(len=:), allocatable :: line
-    integer, parameter :: name_width = 13, number_width = 11, bar_width = 30
+    integer, parameter :: number_width = 11, bar_width = 30
     real(wp) :: part
 
     part = 0
     if (total > 0) part = max(0.0_wp, min(1.0_wp, phase%seconds/total))
     line = to_text(phase%seconds, digits=2)//' s'
-    line = '  '//phase%name(:name_width - 2)//line//repeat(' ', max(1, number_width - len(line)))// &
+    line = '  '//phase%name//line//repeat(' ', max(1, number_width - len(line)))// &
            bar(part, bar_width, ' ')
     line = trim(line)
   end function phase_line

@@ -10,6 +10,7 @@ module calor_plot
   use calor_cost_picture, only: cost_picture, picture_width, picture_height
   use calor_csv_table, only: csv_table_t
   use calor_error, only: error_t, raise, status_bad_input, status_bad_file
+  use calor_field_file, only: check_place
   use calor_field_pictures, only: draw_stored_fields, endings_t
   use calor_file_system, only: look_at_path, path_missing, path_file, path_folder, &
                                path_unreachable, read_obstacle, resolved_path
@@ -163,6 +164,8 @@ contains
                    request%path//''' itself: name another one by --output.')
         return
       end if
+      call check_place(files%stem//files%ending(k)%value, error)
+      if (allocated(error)) return
     end do
   end subroutine name_pictures
 
