@@ -16,7 +16,7 @@ module commands
   type :: command_t
     character(len=12) :: name
     !> What it does, in a line
-    character(len=64) :: summary
+    character(len=80) :: summary
     !> Its arguments as help shows them
     character(len=14) :: arguments = ''
     !> How many it takes

@@ -10,38 +10,38 @@ module help
   public :: overview, command_help, command_words, exit_statuses
 
   !> What else there is to say of a command
-  character(len=80), parameter :: plot_words(*) = [character(len=80) :: &
+  character(len=96), parameter :: plot_words(*) = [character(len=96) :: &
       'Draws FILE as PNG and SVG beside it (plate.vtkhdf as plate.png and plate.svg): a', &
       'field as a map with colour bar and lines of equal value, the heat budget over', &
       'time where the file has one, all derivatives of calor operators; and the tables', &
       '(CSV) of calor cost and calor convergence. gnuplot does the drawing.']
-  character(len=80), parameter :: convergence_words(*) = [character(len=80) :: &
+  character(len=96), parameter :: convergence_words(*) = [character(len=96) :: &
       'Refines lattices and irregular clouds in three ways and writes convergence.csv,', &
       'convergence.svg and convergence.png into the current folder. Takes some seconds.', &
       'SCENE, a namelist file, may say what is refined: &domain (its spacing is the', &
       'coarsest, a 16th of it the finest), &kernel, and in &operators field and schemes.']
-  character(len=80), parameter :: cost_words(*) = [character(len=80) :: &
+  character(len=96), parameter :: cost_words(*) = [character(len=96) :: &
       'Runs SCENE with several schemes, spacings and supports, and reports error, wall', &
       'time by phase and memory of each: a table, a file (CSV) and pictures (SVG, PNG).', &
       'Time steps are as long as they may be without spoiling the error. Without a group', &
       '&cost all schemes are compared at 4, 2, 1 and 1/2 times the scene''s spacing.', &
-      'Ctrl-C ends it early and keeps what was measured. Beside what run needs:']
-  character(len=80), parameter :: new_words(*) = [character(len=80) :: &
+      'Ctrl-C ends it early and keeps what was measured.']
+  character(len=96), parameter :: new_words(*) = [character(len=96) :: &
       'Writes a commented scene of a KIND, which runs in seconds, into NAME.nml', &
-      '(without NAME into KIND.nml). An existing file is left alone. Kinds:']
-  character(len=80), parameter :: schemes_words(*) = [character(len=80) :: &
+      '(without NAME into KIND.nml). An existing file is left alone.']
+  character(len=96), parameter :: schemes_words(*) = [character(len=96) :: &
       'Lists gradients, Laplacians, kernels and time integrators; with NAME says what', &
       'that one is for, what it costs, its formula and where that is from.']
-  character(len=80), parameter :: effects_words(*) = [character(len=80) :: &
+  character(len=96), parameter :: effects_words(*) = [character(len=96) :: &
       'Lists what a scene may call for beside conduction; with NAME says how it is', &
       'called for, what it costs, its formula and where that is from.']
-  character(len=80), parameter :: completion_words(*) = [character(len=80) :: &
+  character(len=96), parameter :: completion_words(*) = [character(len=96) :: &
       'In bash, eval "$(calor completion)" completes commands, options, scenes and names', &
       'from there on; in ~/.bashrc, in every shell. make install sets it up for all.']
-  character(len=80), parameter :: manual_words(*) = [character(len=80) :: &
+  character(len=96), parameter :: manual_words(*) = [character(len=96) :: &
       'make install puts it where man finds it; without that: calor manual | man -l -']
 
-  character(len=80), parameter :: exit_statuses(*) = [character(len=80) :: &
+  character(len=96), parameter :: exit_statuses(*) = [character(len=96) :: &
       'Exit status: 0 done, 2 the input is wrong, 3 the numbers went wrong,', &
       '4 a file could not be read or written.']
 
@@ -107,9 +107,11 @@ contains
       call add_groups(lines, text_list([character(len=9) :: 'domain', 'kernel', 'operators']))
       call add_choices(lines, '&kernel name', kernel_choices)
     case ('cost')
+      call append(lines, 'Beside what run needs:')
       call add_groups(lines, text_list([character(len=6) :: 'cost', 'domain', 'kernel', 'time']))
       call add_choices(lines, '&cost laplacians', laplacian_choices)
     case ('new')
+      call append(lines, 'Kinds:')
       do k = 1, size(starting_scenes)
         call append(lines, '  '//starting_scenes(k)%name(1:16)//trim(starting_scenes(k)%summary))
       end do

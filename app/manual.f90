@@ -1,7 +1,7 @@
 !> The manual page, from the same tables and words as the help: a text for man (troff).
 module manual
   use calor, only: text_t, append, contract_help, contract_groups, describe_schemes, &
-                   describe_effects, error_t, version
+                   describe_effects, describe_starting_scenes, error_t, version
   use commands, only: command_table, option_table
   use help, only: command_words, exit_statuses
   implicit none (type, external)
@@ -29,8 +29,8 @@ contains
     end do
     call append(lines, '.SH COMMANDS')
     do k = 1, size(command_table)
-      call append(lines, '.SS "calor '//trim(command_table(k)%name//' '// &
-                                             command_table(k)%arguments)//'"')
+      call append(lines, '.SS "'//trim('calor '//trim(command_table(k)%name)//' '// &
+                                       command_table(k)%arguments)//'"')
       call append(lines, plain(command_table(k)%summary)//'.')
       call add_options(trim(command_table(k)%name))
       select case (command_table(k)%name)
@@ -40,6 +40,7 @@ contains
       case default
         call append(lines, '.P')
         call add(command_words(trim(command_table(k)%name)))
+        if (command_table(k)%name == 'new') call add_table(describe_starting_scenes())
       end select
     end do
     call append(lines, '.SH SCENES')

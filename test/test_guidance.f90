@@ -181,7 +181,7 @@ contains
                      folder//'../guided', outcome)
     call check(error, outcome%errors, '')
     if (allocated(error)) return
-    call check(error, index(contents_of(folder//'page'), 'EXIT STATUS') > 0)
+    call check(error, index(contents_of(folder//'page'), 'could not be read or written') > 0)
   end subroutine test_manual
 
   subroutine test_progress_line(error)

@@ -224,7 +224,7 @@ contains
     if (allocated(error)) return
     call check(error, index(contents_of(folder//'out.svg'), 'temperature, K') > 0)
     if (allocated(error)) return
-    call check(error, index(contents_of(folder//'out.svg'), 'A &quot;small&quot; plate') > 0)
+    call check(error, index(contents_of(folder//'out.svg'), 'A "small" plate') > 0)
     if (allocated(error)) return
     call check_png(error, 'out_budget.png')
     if (allocated(error)) return

@@ -46,7 +46,7 @@ contains
         'some products a wall particle; shorter steps where it is strong', &
         'J. Stefan, Sitzungsber. Akad. Wiss. Wien 79 (1879) 391–428'))
     call enter(table, melting_t('melting', 'latent heat between solidus and liquidus', &
-        'material', 'latent_heat', 'ρ ∂H/∂t = ∇·κ∇T, H = c T + L f(T), f the liquid fraction', &
+        'material', 'latent_heat', '', 'ρ ∂H/∂t = ∇·κ∇T, H = c T + L f(T), f the liquid fraction', &
         'the temperature of each heat content at each stage', &
         'V. Alexiades, A.D. Solomon, Melting and Freezing Processes, 1993, chapter 4'))
   end subroutine known_effects
