@@ -11,7 +11,7 @@
 PREFIX ?= /usr/local
 
 .PHONY: help build run install test test-checked examples lint format pictures hard-cases cost documents \
-  verification absent-effects set-up clean distclean
+  verification absent-effects fuzz set-up clean distclean
 SHELL := /bin/bash
 
 RELEASE_FLAGS := -O3 -march=native
@@ -21,6 +21,8 @@ CHECKED_FLAGS := -Og -g -fcheck=all,no-array-temps -finit-real=snan -ffpe-trap=i
 
 # What one build consists of; `test-checked` sets these three anew.
 FLAGS    ?= $(RELEASE_FLAGS)
+CASES    ?= 20000
+SEED     ?= 1
 BIN      ?= bin
 EXAMPLES ?= build/examples
 
@@ -68,6 +70,10 @@ test: build examples ## all tests; SUITE=text runs one suite, TEST="numbers as t
 test-checked: ## all tests in a build with run-time checks and sanitizers (slow)
 	@ASAN_OPTIONS=detect_leaks=0 $(MAKE) --no-print-directory test \
 	  FLAGS='$(CHECKED_FLAGS)' BIN=build/checked/bin EXAMPLES=build/checked/examples
+
+fuzz: build ## feed 20000 damaged scenes and clouds to a build with sanitizers (an hour); CASES=, SEED=
+	@$(MAKE) --no-print-directory build FLAGS='$(CHECKED_FLAGS)' BIN=build/checked/bin
+	@tools/fuzz.py build/checked/bin/calor $(BIN)/calor --count $(CASES) --seed $(SEED)
 
 lint: ## check the sources: fortitude's rules and the format
 	@tools/set_up.sh lint

@@ -50,6 +50,8 @@ contains
     case ('-V', '--version', 'version')
       this%command = 'version'
       return
+    case default
+      continue
     end select
     number = find_command(this%command)
     if (number == 0) then

@@ -15,13 +15,13 @@ contains
     type(text_t), allocatable :: lines(:)
     integer :: k
 
-    call append(lines, '# Completion of calor''s command line for bash, printed by: calor completion')
+    call append(lines, '# Completion for bash, printed by: calor completion')
     call append(lines, '_calor() {')
     call append(lines, '  local word=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD-1]}')
     call append(lines, '  local command=${COMP_WORDS[1]} words=''''')
     call append(lines, '  COMPREPLY=()')
-    call append(lines, '  if ((COMP_CWORD == 1)) || { ((COMP_CWORD == 2)) && [[ $command == help '// &
-                ']]; }; then')
+    call append(lines, '  if ((COMP_CWORD == 1)) || '// &
+                '{ ((COMP_CWORD == 2)) && [[ $command == help ]]; }; then')
     call append(lines, '    words='''//join(command_names(), ' ')//' help --help --version''')
     call append(lines, '  elif [[ $word == -* ]]; then')
     call append(lines, '    case $command in')
@@ -53,8 +53,9 @@ contains
     call append(lines, '  local IFS=$''\n'' word=$1 ending')
     call append(lines, '  shift')
     call append(lines, '  COMPREPLY=($(compgen -d -- "$word"))')
-    call append(lines, '  for ending; do COMPREPLY+=($(compgen -f -X "!*.$ending" -- "$word")); '// &
-                'done')
+    call append(lines, '  for ending; do')
+    call append(lines, '    COMPREPLY+=($(compgen -f -X "!*.$ending" -- "$word"))')
+    call append(lines, '  done')
     call append(lines, '  compopt -o filenames 2>/dev/null')
     call append(lines, '}')
     call append(lines, 'complete -F _calor calor')
@@ -78,6 +79,8 @@ contains
         call append(lines, '      '//command//') words='''//join(scheme_names(), ' ')//''' ;;')
       case (effect_name)
         call append(lines, '      '//command//') words='''//join(effect_names(), ' ')//''' ;;')
+      case default
+        continue
       end select
     end subroutine add_arguments
 

@@ -115,6 +115,8 @@ contains
       do k = 1, size(starting_scenes)
         call append(lines, '  '//starting_scenes(k)%name(1:16)//trim(starting_scenes(k)%summary))
       end do
+    case default
+      continue
     end select
   end function command_help
 

@@ -4,7 +4,7 @@
 program main
   use, intrinsic :: iso_fortran_env, only: error_unit
   use calor, only: error_t, raise, status_done, status_bad_input, status_bad_file, text_t, &
-                   to_text, version, wp, scene_t, &
+                   to_text, version, scene_t, &
                    read_scene, simulation_t, cost_study_t, describe_costs, &
                    watch_for_interrupt, plot_request_t, plot_file, &
                    operator_study_t, target_search_t, describe_plan, describe_result, &

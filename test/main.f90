@@ -27,6 +27,7 @@ program main
   use test_command_line, only: collect_command_line
   use test_examples, only: collect_examples
   use test_kernels, only: collect_kernels
+  use test_heat_content, only: collect_heat_content
   use test_materials, only: collect_materials
   use test_neighbour_list, only: collect_neighbour_list
   use test_plot, only: collect_plot
@@ -60,6 +61,7 @@ program main
            new_testsuite('effects', collect_effects), &
            new_testsuite('melting', collect_melting), &
            new_testsuite('materials', collect_materials), &
+           new_testsuite('heat_content', collect_heat_content), &
            new_testsuite('hard cases', collect_hard_cases), &
            new_testsuite('convergence study', collect_convergence_study), &
            new_testsuite('cost study', collect_cost_study), &

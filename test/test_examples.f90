@@ -14,7 +14,7 @@ module test_examples
   character(len=*), parameter :: examples(*) = [character(len=20) :: 'heat_in_ten_lines', &
       'laplacian_of_a_field', 'neighbour_list', 'own_kernel', 'own_scheme', 'error_table', &
       'operator_table', 'field_as_text', 'scene_reference', 'hard_cases', 'convergence_table', &
-      'own_effect', 'verification_table']
+      'own_effect', 'verification_table', 'two_slabs']
 
 contains
 
@@ -35,6 +35,7 @@ contains
                 new_unittest('convergence_table', test_convergence_table), &
                 new_unittest('own_effect', test_own_effect), &
                 new_unittest('verification_table', test_verification_table), &
+                new_unittest('two_slabs', test_two_slabs), &
                 new_unittest('scene_reference', test_scene_reference) &
                 ]
   end subroutine collect_examples
@@ -229,6 +230,15 @@ contains
     if (allocated(error)) return
     call check(error, index(outcome%output, '| nafems_t4 |') > 0, outcome%output)
   end subroutine test_verification_table
+
+  !> What it prints is the table that the scene is compared with.
+  subroutine test_two_slabs(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(outcome_t) :: outcome
+
+    call run_example('two_slabs', outcome, error, '10 | cmp - '// &
+                     'data/verification/two_slabs_transient_10.csv')
+  end subroutine test_two_slabs
 
   subroutine test_scene_reference(error)
     type(error_type), allocatable, intent(out) :: error

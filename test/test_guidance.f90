@@ -219,7 +219,8 @@ contains
     call calor('run slab.nml --verbose', outcome)
     call check(error, index(outcome%output, 't = 1800 s ') > 0, outcome%output)
     if (allocated(error)) return
-    call execute_command_line('sed -i "s/conductivity = 0.8/conductivity = -1/" '//folder//'slab.nml')
+    call execute_command_line('sed -i "s/conductivity = 0.8/conductivity = -1/" '// &
+                              folder//'slab.nml')
     call calor('run --quiet slab.nml', outcome)
     call check(error, outcome%status == 2 .and. index(outcome%errors, 'conductivity') > 0)
   end subroutine test_quiet

@@ -10,7 +10,8 @@ module calor_hdf5
   implicit none (type, external)
   private
 
-  public :: start_hdf5, open_hdf5_file, hdf5_has, skip_hdf5_cleanup, hdf5_silence_t, hdf5_reason, hdf5_descriptor
+  public :: start_hdf5, open_hdf5_file, hdf5_has, skip_hdf5_cleanup, hdf5_silence_t, hdf5_reason, &
+            hdf5_descriptor
 
   !> HDF5's number for the error stack of the running thread
   integer(c_int64_t), parameter :: default_stack = 0_c_int64_t

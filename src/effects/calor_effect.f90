@@ -48,13 +48,8 @@ module calor_effect
     procedure :: account
     !> Lay down what flux it brings at each contact with the world
     procedure :: put_flux
-    !> Whether the unknowns are not temperatures with it, but a state that temperatures follow from;
-    !> one effect of a scene may do that
-    procedure :: maps_state
-    !> The temperatures of states, the states of temperatures, and how much of each is liquid
-    procedure :: find_temperature
-    procedure :: find_state
-    procedure :: find_liquid_fraction
+    !> Whether it adds no power at all, as what only stores heat
+    procedure :: brings_nothing
   end type effect_t
 
   !> A place for any effect
@@ -162,50 +157,14 @@ contains
     end associate
   end subroutine put_flux
 
-  pure function maps_state(this) result(answer)
+  pure function brings_nothing(this) result(answer)
     class(effect_t), intent(in) :: this
     logical :: answer
 
     associate (unused => this)
     end associate
     answer = .false.
-  end function maps_state
-
-  subroutine find_temperature(this, state, temperature)
-    class(effect_t), intent(inout) :: this
-    !> State of each particle, K
-    real(wp), intent(in) :: state(:)
-    !> Its temperature
-    real(wp), intent(out) :: temperature(:)
-
-    associate (unused => this)
-    end associate
-    temperature = state
-  end subroutine find_temperature
-
-  pure subroutine find_state(this, temperature, state)
-    class(effect_t), intent(in) :: this
-    !> Temperature of each particle
-    real(wp), intent(in) :: temperature(:)
-    !> Its state, K
-    real(wp), intent(out) :: state(:)
-
-    associate (unused => this)
-    end associate
-    state = temperature
-  end subroutine find_state
-
-  pure subroutine find_liquid_fraction(this, state, fraction)
-    class(effect_t), intent(in) :: this
-    !> State of each particle, K
-    real(wp), intent(in) :: state(:)
-    !> From 0, solid, to 1, liquid
-    real(wp), intent(out) :: fraction(:)
-
-    associate (unused => this, also => state)
-    end associate
-    fraction = 0
-  end subroutine find_liquid_fraction
+  end function brings_nothing
 
   pure function account(this) result(name)
     class(effect_t), intent(in) :: this

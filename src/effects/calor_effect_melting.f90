@@ -1,16 +1,8 @@
 !> Melting and freezing: heat that changes the phase and not the temperature.
 !>
-!> The unknown is the enthalpy H, J/m³, in units of ρc: the heat content v = H/(ρc), K, which is the
-!> temperature of a solid and L/c beyond it of a liquid. Between solidus and liquidus the liquid
-!> fraction f grows in proportion to the heat: v = T + f L/c. From v_t = κ/(ρc) ∇²T(v), summed over
-!> the particles, no heat is lost, however long the steps. T(v) is piecewise linear with slopes from
-!> 0 to 1, so that no step which is stable for conduction alone is unstable with it.
-!>
-!> Source: V. Alexiades, A.D. Solomon, Mathematical Modeling of Melting and Freezing Processes,
-!> Hemisphere 1993, chapter 4.
+!> It sets no heat free: it is a part of what the heat content of its material is, see
+!> calor_heat_law.
 module calor_effect_melting
-  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
-  use calor_constants, only: worth_threads
   use calor_effect, only: effect_t
   use calor_error, only: error_t
   use calor_kinds, only: wp
@@ -24,8 +16,12 @@ module calor_effect_melting
   public :: melting_t
 
   type, extends(effect_t) :: melting_t
+    !> Its number among the groups &material
+    integer :: material = 0
     !> Where melting begins and where it is complete; equal for a pure substance
     real(wp) :: solidus = 0.0_wp, liquidus = 0.0_wp
+    !> J/kg
+    real(wp) :: latent_heat = 0.0_wp
     !> Latent heat over heat capacity, K
     real(wp) :: rise = 0.0_wp
   contains
@@ -35,10 +31,7 @@ module calor_effect_melting
     procedure :: expected_rise
     procedure :: kept_range
     procedure :: account
-    procedure :: maps_state
-    procedure :: find_temperature
-    procedure :: find_state
-    procedure :: find_liquid_fraction
+    procedure :: brings_nothing
   end type melting_t
 
 contains
@@ -48,16 +41,10 @@ contains
     type(group_t), intent(in) :: group
     integer, intent(in) :: number
     type(error_t), allocatable, intent(out) :: error
-    real(wp) :: latent_heat, heat_capacity
 
-    associate (unused => number)
-    end associate
-    this%reason = place_of(group, 'latent_heat')
-    call get(group, 'latent_heat', latent_heat, error, non_negative=.true.)
+    this%material = number
+    call get(group, 'latent_heat', this%latent_heat, error, non_negative=.true.)
     if (allocated(error)) return
-    call get(group, 'heat_capacity', heat_capacity, error, default=1.0_wp, positive=.true.)
-    if (allocated(error)) return
-    this%rise = latent_heat/heat_capacity
     call get(group, 'solidus', this%solidus, error)
     if (allocated(error)) return
     call get(group, 'liquidus', this%liquidus, error)
@@ -92,83 +79,19 @@ contains
     real(wp), intent(in) :: temperature(:)
     real(wp), intent(inout) :: power(:)
 
-    associate (unused => this, also => medium, and => time, too => temperature, or => power)
+    associate (unused => medium, also => time, and => temperature, too => power)
     end associate
+    this%calls = this%calls + 1
   end subroutine add_power
 
-  pure function maps_state(this) result(answer)
+  pure function brings_nothing(this) result(answer)
     class(melting_t), intent(in) :: this
     logical :: answer
 
     associate (unused => this)
     end associate
     answer = .true.
-  end function maps_state
-
-  subroutine find_temperature(this, state, temperature)
-    class(melting_t), intent(inout) :: this
-    real(wp), intent(in) :: state(:)
-    real(wp), intent(out) :: temperature(:)
-    real(wp) :: complete, slope
-    integer :: k
-
-    this%calls = this%calls + 1
-    complete = this%liquidus + this%rise
-    slope = 1
-    if (complete > this%solidus) slope = (this%liquidus - this%solidus)/(complete - this%solidus)
-    !$omp parallel do if (size(state) > worth_threads) schedule(static) default(shared) private(k)
-    do k = 1, size(state)
-      ! What is no number stays none; to compare it would be a floating-point exception.
-      if (.not. ieee_is_finite(state(k))) then
-        temperature(k) = state(k)
-      else if (state(k) <= this%solidus) then
-        temperature(k) = state(k)
-      else if (state(k) >= complete) then
-        temperature(k) = state(k) - this%rise
-      else
-        temperature(k) = this%solidus + slope*(state(k) - this%solidus)
-      end if
-    end do
-    !$omp end parallel do
-  end subroutine find_temperature
-
-  !> Where solidus and liquidus are equal, what has just that temperature is taken for solid.
-  pure subroutine find_state(this, temperature, state)
-    class(melting_t), intent(in) :: this
-    real(wp), intent(in) :: temperature(:)
-    real(wp), intent(out) :: state(:)
-    integer :: k
-
-    do k = 1, size(temperature)
-      if (temperature(k) <= this%solidus) then
-        state(k) = temperature(k)
-      else if (temperature(k) >= this%liquidus) then
-        state(k) = temperature(k) + this%rise
-      else
-        state(k) = temperature(k) + this%rise*(temperature(k) - this%solidus)/ &
-                   (this%liquidus - this%solidus)
-      end if
-    end do
-  end subroutine find_state
-
-  pure subroutine find_liquid_fraction(this, state, fraction)
-    class(melting_t), intent(in) :: this
-    real(wp), intent(in) :: state(:)
-    real(wp), intent(out) :: fraction(:)
-    integer :: k
-
-    do k = 1, size(state)
-      if (.not. ieee_is_finite(state(k))) then
-        fraction(k) = 0
-      else if (state(k) <= this%solidus) then
-        fraction(k) = 0
-      else if (state(k) >= this%liquidus + this%rise) then
-        fraction(k) = 1
-      else
-        fraction(k) = (state(k) - this%solidus)/(this%liquidus + this%rise - this%solidus)
-      end if
-    end do
-  end subroutine find_liquid_fraction
+  end function brings_nothing
 
   !> Heat contents differ by it where temperatures do not.
   function expected_rise(this, medium) result(rise)

@@ -16,6 +16,9 @@ module calor_effect_radiation
   !> σ, W/(m² K⁴), exact in the International System of Units of 2019
   real(wp), parameter :: stefan_boltzmann = 5.670374419e-8_wp
 
+  !> No surroundings are hotter, K: fourth powers must remain numbers
+  real(wp), parameter :: hottest = 1.0e12_wp
+
   type, extends(wall_exchange_t) :: radiation_t
     !> ε, from 0 to 1
     type(varying_value_t) :: emissivity
@@ -59,12 +62,13 @@ contains
     call this%emissivity%place_at(this%x, this%y, 0.0_wp, error, this%temperature, lowest=0.0_wp, &
                                   highest=1.0_wp)
     if (allocated(error)) return
-    call this%ambient%place_at(this%x, this%y, 0.0_wp, error, this%temperature, lowest=0.0_wp)
+    call this%ambient%place_at(this%x, this%y, 0.0_wp, error, this%temperature, lowest=0.0_wp, &
+                               highest=hottest)
     if (allocated(error)) return
     do k = 1, size(this%temperature)
-      if (this%temperature(k) >= 0) cycle
+      if (this%temperature(k) >= 0 .and. this%temperature(k) <= hottest) cycle
       call raise(error, status_bad_input, this%place// &
-                 ': radiation takes temperatures in kelvin, '// &
+                 ': radiation takes temperatures in kelvin, from 0 to '//to_text(hottest)//', '// &
                  'but at the start it is '//to_text(this%temperature(k), digits=4)//' at ('// &
                  to_text(this%x(k), digits=6)//', '//to_text(this%y(k), digits=6)// &
                  '): give all temperatures of the scene in kelvin.')

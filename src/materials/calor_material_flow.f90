@@ -5,14 +5,18 @@
 !> with material B: u = u₀ + g s + τ t + a s²/2 + b s t + c t²/2, where s is measured along the
 !> normal n from A to B and t along the interface. Beyond a straight interface it goes on as
 !> u₀ + g' s + τ t + a' s²/2 + b' s t + c t²/2, for the temperature is continuous all along it. The
-!> flux is so too,
+!> flux n·K∇u is so too: with N = n·K n, M = n·K t, P = t·K t, t being the unit vector along the
+!> interface, and commas for derivatives,
 !>
-!>     κ_B g' = κ_A g,    κ_B b' + κ_B,t g' = κ_A b + κ_A,t g,
+!>     N_B g' + M_B τ = N_A g + M_A τ,
+!>     N_B b' + N_B,t g' + M_B c + M_B,t τ = N_A b + N_A,t g + M_A c + M_A,t τ,
 !>
-!> and so is ∂u/∂t, so that div(κ ∇u)/(ρc) is the same on both sides:
+!> and so is ∂u/∂t, so that div(K ∇u)/(ρc) is the same on both sides: with D = div K,
 !>
-!>     κ_B (a' + c) + κ_B,s g' + κ_B,t τ = (ρc)_B/(ρc)_A [κ_A (a + c) + κ_A,s g + κ_A,t τ].
+!>     N_B a' + 2 M_B b' + P_B c + D_B·n g' + D_B·t τ
+!>         = (ρc)_B/(ρc)_A [N_A a + 2 M_A b + P_A c + D_A·n g + D_A·t τ].
 !>
+!> In isotropic materials N = P = κ, M = 0 and D = ∇κ.
 !> These five numbers are linear in those of A: the immersed interface method, R.J. LeVeque, Z. Li,
 !> SIAM J. Numer. Anal. 31 (1994) 1019–1044, here for rows of least norm on any cloud.
 module calor_material_flow
@@ -35,14 +39,21 @@ module calor_material_flow
   !> Bisections that find it between two particles
   integer, parameter :: bisections = 52
 
+  !> N, M and P, their derivatives along the interface, and div K towards the other side and along
+  type :: conduction_at_t
+    real(wp) :: n = 0.0_wp, m = 0.0_wp, p = 0.0_wp
+    real(wp) :: n_along = 0.0_wp, m_along = 0.0_wp
+    real(wp) :: d_across = 0.0_wp, d_along = 0.0_wp
+  end type conduction_at_t
+
   !> An interface as one particle sees it
   type :: crossing_t
     !> The material beyond
     integer :: beyond = 0
     !> Foot of the perpendicular, relative to the particle, m, and normal towards the other side
     real(wp) :: foot(2) = 0.0_wp, normal(2) = 0.0_wp
-    !> κ, ∂κ/∂s and ∂κ/∂t at the foot on either side
-    real(wp) :: here(3) = 0.0_wp, there(3) = 0.0_wp
+    !> What conducts at the foot on either side
+    type(conduction_at_t) :: here, there
     !> (ρc)_B/(ρc)_A
     real(wp) :: capacity_ratio = 1.0_wp
   end type crossing_t
@@ -53,6 +64,8 @@ module calor_material_flow
     !> Points on interfaces, m, and the materials on both sides
     real(wp), allocatable, private :: x(:), y(:)
     integer, allocatable, private :: side(:, :)
+    !> The spacing, m
+    real(wp), private :: width = 0.0_wp
     !> Where a particle stands in the arrays below; 0: not at all
     integer, allocatable, private :: position(:)
     !> κxx, κyy, κxy, and div K, W/(m K) and W/(m² K)
@@ -66,6 +79,8 @@ module calor_material_flow
     !> Make ready for rows at some particles
     procedure :: focus
     procedure :: describe
+    !> Whether two materials have an interface
+    procedure :: touch
     procedure, private :: see_interface
     procedure, private :: fill_sides
   end type material_flow_t
@@ -85,6 +100,7 @@ contains
     real(wp), allocatable :: near(:), far(:), middle(:)
     integer :: k, i, used, pass
 
+    this%width = spacing
     call build_neighbour_list(x, y, [(reach*spacing, k=1, size(x))], list)
     do pass = 1, 2
       used = 0
@@ -119,6 +135,16 @@ contains
     this%y = y(one) + near*(y(other) - y(one))
     this%side = reshape([own, this%material(other)], [used, 2])
   end subroutine find_interfaces
+
+  pure function touch(this, one, other) result(answer)
+    class(material_flow_t), intent(in) :: this
+    !> Positions of the materials
+    integer, intent(in) :: one, other
+    logical :: answer
+
+    answer = any((this%side(:, 1) == one .and. this%side(:, 2) == other) .or. &
+                 (this%side(:, 1) == other .and. this%side(:, 2) == one))
+  end function touch
 
   subroutine focus(this, materials, x, y, spacing, particles)
     class(material_flow_t), intent(inout) :: this
@@ -223,6 +249,7 @@ contains
     real(wp), intent(in) :: x(:), y(:), spacing
     integer(ip), intent(in) :: particles(:)
     real(wp), allocatable :: px(:), py(:), value(:, :), along_x(:, :), along_y(:, :), capacity(:)
+    type(conduction_at_t) :: side
     integer, allocatable :: owner(:)
     integer :: k, j
 
@@ -238,24 +265,48 @@ contains
     call materials%conductivity_gradient(which, px, py, 1.0e-3_wp*spacing, along_x, along_y)
     call materials%capacity_at(which, px, py, capacity)
     do j = 1, size(px)
-      associate (crossing => this%crossing(j), &
-                 slope => [along_x(1, j), along_y(1, j)])
-        associate (all => [value(1, j), dot_product(slope, crossing%normal), &
-                           -slope(1)*crossing%normal(2) + slope(2)*crossing%normal(1)])
-          if (crossing%beyond == which) then
-            crossing%there = all
-            crossing%capacity_ratio = crossing%capacity_ratio*capacity(j)
-          else if (this%material(owner(j)) == which) then
-            crossing%here = all
-            crossing%capacity_ratio = crossing%capacity_ratio/capacity(j)
-          end if
-        end associate
+      associate (crossing => this%crossing(j))
+        side = about(crossing%normal, value(:, j), along_x(:, j), along_y(:, j))
+        if (crossing%beyond == which) then
+          crossing%there = side
+          crossing%capacity_ratio = crossing%capacity_ratio*capacity(j)
+        else if (this%material(owner(j)) == which) then
+          crossing%here = side
+          crossing%capacity_ratio = crossing%capacity_ratio/capacity(j)
+        end if
       end associate
     end do
   end subroutine fill_sides
 
+  !> What a tensor κxx, κyy, κxy and its derivatives mean at an interface with some normal
+  pure function about(normal, kappa, along_x, along_y) result(side)
+    real(wp), intent(in) :: normal(2)
+    real(wp), intent(in) :: kappa(3), along_x(3), along_y(3)
+    type(conduction_at_t) :: side
+    real(wp) :: tangent(2), along(3), divergence(2)
+
+    tangent = [-normal(2), normal(1)]
+    along = tangent(1)*along_x + tangent(2)*along_y
+    divergence = [along_x(1) + along_y(3), along_x(3) + along_y(2)]
+    side%n = between(normal, kappa, normal)
+    side%m = between(normal, kappa, tangent)
+    side%p = between(tangent, kappa, tangent)
+    side%n_along = between(normal, along, normal)
+    side%m_along = between(normal, along, tangent)
+    side%d_across = dot_product(divergence, normal)
+    side%d_along = dot_product(divergence, tangent)
+  end function about
+
+  !> a·K b
+  pure function between(a, kappa, b) result(product)
+    real(wp), intent(in) :: a(2), kappa(3), b(2)
+    real(wp) :: product
+
+    product = a(1)*(kappa(1)*b(1) + kappa(3)*b(2)) + a(2)*(kappa(3)*b(1) + kappa(2)*b(2))
+  end function between
+
   subroutine describe(this, particle, neighbours, dx, dy, radius, degree, wanted, basis, known, &
-                      outward, slope, pace)
+                      outward, slope, pace, ease)
     class(material_flow_t), intent(in) :: this
     integer(ip), intent(in) :: particle
     integer(ip), intent(in) :: neighbours(:)
@@ -267,6 +318,7 @@ contains
     real(wp), intent(in) :: outward(:, :)
     real(wp), intent(out) :: slope(:, :)
     real(wp), intent(out) :: pace
+    real(wp), intent(out) :: ease(:)
     real(wp) :: beyond(5, 6), s, t
     integer :: k, a, b, j
 
@@ -291,11 +343,16 @@ contains
           end do
         end do
       end do
+      ease = 1
       do j = this%first(here), this%first(here + 1) - 1
+        call find_ease(this%crossing(j), this%width/radius, dx, dy, radius, ease)
         call continue_beyond(this%crossing(j), radius, beyond)
         associate (crossing => this%crossing(j))
-          pace = max(pace, crossing%there(1)/(crossing%here(1)*crossing%capacity_ratio))
+          pace = max(pace, (crossing%there%n + crossing%there%p)/ &
+                     ((crossing%here%n + crossing%here%p)*crossing%capacity_ratio))
         end associate
+        ! Beyond degree 2 nothing is known of the other side.
+        if (degree > 2) cycle
         do k = 1, size(neighbours)
           if (this%material(neighbours(k)) /= this%crossing(j)%beyond) cycle
           associate (crossing => this%crossing(j), x => dx(k) - this%crossing(j)%foot(1)/radius, &
@@ -314,21 +371,51 @@ contains
     end associate
   end subroutine describe
 
+  !> A particle nearer to an interface than half a spacing conducts partly as the other material
+  !> does, as in finite volumes; between two particles the harmonic mean counts.
+  pure subroutine find_ease(crossing, width, dx, dy, radius, ease)
+    type(crossing_t), intent(in) :: crossing
+    !> The spacing in units of the support radius
+    real(wp), intent(in) :: width
+    !> Offsets in the same unit, and that, m
+    real(wp), intent(in) :: dx(:), dy(:), radius
+    real(wp), intent(inout) :: ease(:)
+    real(wp) :: own, other, across
+    integer :: k
+
+    across = dot_product(crossing%foot, crossing%normal)/radius
+    own = mixed(-across)
+    do k = 1, size(ease)
+      other = mixed(dx(k)*crossing%normal(1) + dy(k)*crossing%normal(2) - across)
+      ease(k) = max(ease(k), 2*own*other/((own + other)*crossing%here%n))
+    end do
+
+  contains
+
+    !> The conductivity of a particle at some distance beyond the interface
+    pure function mixed(s) result(n)
+      real(wp), intent(in) :: s
+      real(wp) :: n
+
+      n = crossing%here%n + (crossing%there%n - crossing%here%n)* &
+          min(1.0_wp, max(0.0_wp, 0.5_wp + s/width))
+    end function mixed
+
+  end subroutine find_ease
+
   !> u₀, g', τ, a', b', c of x, y, x², xy, y², offsets from the particle in units of a radius: a row
   !> for each.
   pure subroutine continue_beyond(crossing, radius, beyond)
     type(crossing_t), intent(in) :: crossing
     real(wp), intent(in) :: radius
     real(wp), intent(out) :: beyond(5, 6)
-    real(wp) :: x, y, u, gradient(2), hessian(2, 2), tangent(2), here(3), there(3)
-    real(wp) :: g, tau, a, b, c, g_beyond
+    real(wp) :: x, y, u, gradient(2), hessian(2, 2), tangent(2)
+    real(wp) :: g, tau, a, b, c, g_beyond, b_beyond
     integer :: k
 
     x = crossing%foot(1)/radius
     y = crossing%foot(2)/radius
     tangent = [-crossing%normal(2), crossing%normal(1)]
-    here = crossing%here*[1.0_wp, radius, radius]
-    there = crossing%there*[1.0_wp, radius, radius]
     do k = 1, 5
       hessian = 0
       select case (k)
@@ -357,11 +444,17 @@ contains
       a = dot_product(crossing%normal, matmul(hessian, crossing%normal))
       b = dot_product(crossing%normal, matmul(hessian, tangent))
       c = dot_product(tangent, matmul(hessian, tangent))
-      g_beyond = here(1)/there(1)*g
-      beyond(k, 1:3) = [u, g_beyond, tau]
-      beyond(k, 4) = (crossing%capacity_ratio*(here(1)*(a + c) + here(2)*g + here(3)*tau) - &
-                      there(2)*g_beyond - there(3)*tau)/there(1) - c
-      beyond(k, 5) = (here(3)*g + here(1)*b - there(3)*g_beyond)/there(1)
+      associate (here => crossing%here, there => crossing%there)
+        g_beyond = (here%n*g + (here%m - there%m)*tau)/there%n
+        b_beyond = (here%n*b + (here%m - there%m)*c + radius*(here%n_along*g + &
+                    (here%m_along - there%m_along)*tau - there%n_along*g_beyond))/there%n
+        beyond(k, 1:3) = [u, g_beyond, tau]
+        beyond(k, 4) = (crossing%capacity_ratio*(here%n*a + 2*here%m*b + here%p*c + radius* &
+                                                 (here%d_across*g + here%d_along*tau)) - &
+                        2*there%m*b_beyond - there%p*c - radius*(there%d_across*g_beyond + &
+                                                                 there%d_along*tau))/there%n
+        beyond(k, 5) = b_beyond
+      end associate
       beyond(k, 6) = c
     end do
   end subroutine continue_beyond

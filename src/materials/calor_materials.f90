@@ -1,7 +1,9 @@
 !> What a body consists of, where that is not one constant isotropic material: the groups &material
-!> of a scene, each with its region and its properties as expressions of x and y.
+!> of a scene, each with its region and its properties as expressions of x, y and T.
 !>
-!> Where regions overlap, the later group wins. A conductivity is a tensor [κxx κxy; κxy κyy].
+!> Where regions overlap, the later group wins. A conductivity is a tensor [κxx κxy; κxy κyy]. What
+!> depends on the place and on the temperature is a product of a function of either: properties at
+!> places are those at a reference temperature, and how they change with it is a calor_heat_law.
 module calor_materials
   use calor_error, only: error_t, raise, status_bad_input
   use calor_expression, only: expression_t, compile_expression
@@ -32,6 +34,8 @@ module calor_materials
     logical :: isotropic = .true.
     !> Whether the conductivity depends on x or y
     logical :: graded = .false.
+    !> Whether the conductivity, and whether density or heat capacity depend on the temperature
+    logical :: conducts_by_temperature = .false., stores_by_temperature = .false.
     !> Where the scene has the conductivity, the density and the heat capacity
     character(len=:), allocatable :: place, density_place, capacity_place
   end type material_t
@@ -39,6 +43,8 @@ module calor_materials
   !> All materials of a scene
   type :: materials_t
     type(material_t), allocatable :: list(:)
+    !> The reference temperature
+    real(wp) :: reference = 0.0_wp
   contains
     !> The material at each of some places; 0 where there is none
     procedure :: which
@@ -49,6 +55,9 @@ module calor_materials
     procedure :: conductivity_gradient
     !> All properties at a cloud's particles, checked
     procedure :: fill
+    !> Check that they are positive, and products, at all temperatures of a range
+    procedure :: check_range
+    procedure, private :: evaluate
   end type materials_t
 
 contains
@@ -75,14 +84,6 @@ contains
       call file%group('material', group, k)
       call read_one(group, materials%list(k), error)
       if (allocated(error)) return
-    end do
-    if (size(materials%list) == 1) return
-    do k = 1, size(materials%list)
-      call file%group('material', group, k)
-      if (materials%list(k)%isotropic) cycle
-      call raise_at(error, group, '', 'a body of several materials must conduct alike in all '// &
-                    'directions: give conductivity, or a single &material.')
-      return
     end do
   end subroutine read_materials
 
@@ -139,21 +140,23 @@ contains
         if (allocated(error)) return
       end do
     end if
-    call read_value(group, 'density', material%density, material%density_place, error, 1.0_wp)
+    call read_value(group, 'density', material%density, material%density_place, error, 1.0_wp, &
+                    warms=material%stores_by_temperature)
     if (allocated(error)) return
     call read_value(group, 'heat_capacity', material%heat_capacity, material%capacity_place, &
-                    error, 1.0_wp)
+                    error, 1.0_wp, warms=material%stores_by_temperature)
     if (allocated(error)) return
     material%everywhere = .not. group%has('where_expression')
     if (material%everywhere) return
     call get_expression(group, 'where_expression', region, error)
     if (allocated(error)) return
     material%region%value = region%source()
-    call require_space(group, 'where_expression', region, error)
+    if (.not. (region%uses('t') .or. region%uses('T'))) return
+    call raise_at(error, group, 'where_expression', 'it may depend on x and y only.')
   end subroutine read_one
 
   !> Read a property; of a conductivity, note what it depends on.
-  subroutine read_value(group, key, text, place, error, default, material)
+  subroutine read_value(group, key, text, place, error, default, material, warms)
     type(group_t), intent(in) :: group
     !> The key without `_expression`
     character(len=*), intent(in) :: key
@@ -165,6 +168,8 @@ contains
     real(wp), intent(in), optional :: default
     !> Whose conductivity it is
     type(material_t), intent(inout), optional :: material
+    !> Becomes true where it depends on the temperature
+    logical, intent(inout), optional :: warms
     type(expression_t) :: expression
 
     call get_varying(group, key, expression, error, default)
@@ -172,20 +177,17 @@ contains
     text%value = expression%source()
     place = place_of(group, key)
     if (group%has(key//'_expression')) place = place_of(group, key//'_expression')
-    call require_space(group, key//'_expression', expression, error)
-    if (allocated(error) .or. .not. present(material)) return
+    if (expression%uses('t')) then
+      call raise_at(error, group, &
+                    key//'_expression', 'it may depend on x, y and T only, not on '// &
+                    'the time.')
+      return
+    end if
+    if (present(warms)) warms = warms .or. expression%uses('T')
+    if (.not. present(material)) return
     if (expression%uses('x') .or. expression%uses('y')) material%graded = .true.
+    if (expression%uses('T')) material%conducts_by_temperature = .true.
   end subroutine read_value
-
-  subroutine require_space(group, key, expression, error)
-    type(group_t), intent(in) :: group
-    character(len=*), intent(in) :: key
-    type(expression_t), intent(in) :: expression
-    type(error_t), allocatable, intent(out) :: error
-
-    if (.not. (expression%uses('t') .or. expression%uses('T'))) return
-    call raise_at(error, group, key, 'it may depend on x and y only.')
-  end subroutine require_space
 
   subroutine which(this, x, y, material)
     class(materials_t), intent(in) :: this
@@ -202,7 +204,7 @@ contains
       if (this%list(k)%everywhere) then
         material = k
       else
-        call evaluate(this%list(k)%region, x, y, inside)
+        call this%evaluate(this%list(k)%region, x, y, inside)
         ! As everywhere in a scene, 0 is no and any number else is yes; NaN is no.
         where (abs(inside) > 0) material = k
       end if
@@ -225,7 +227,7 @@ contains
       conductivity(3, :) = 0
       do k = 1, 3
         if (k > 1 .and. chosen%isotropic) exit
-        call evaluate(chosen%conductivity(k), x, y, value)
+        call this%evaluate(chosen%conductivity(k), x, y, value)
         conductivity(k, :) = value
       end do
       if (chosen%isotropic) conductivity(2, :) = conductivity(1, :)
@@ -243,13 +245,14 @@ contains
     real(wp), allocatable :: density(:)
 
     allocate (density(size(x)))
-    call evaluate(this%list(material)%density, x, y, density)
-    call evaluate(this%list(material)%heat_capacity, x, y, capacity)
+    call this%evaluate(this%list(material)%density, x, y, density)
+    call this%evaluate(this%list(material)%heat_capacity, x, y, capacity)
     capacity = density*capacity
   end subroutine capacity_at
 
   !> The values of an expression that has been read before
-  subroutine evaluate(text, x, y, values)
+  subroutine evaluate(this, text, x, y, values)
+    class(materials_t), intent(in) :: this
     type(text_t), intent(in) :: text
     real(wp), intent(in) :: x(:), y(:)
     real(wp), intent(out) :: values(:)
@@ -257,7 +260,7 @@ contains
     type(error_t), allocatable :: error
 
     call compile_expression(text%value, expression, error)
-    call expression%evaluate(x, y, 0.0_wp, values=values)
+    call expression%evaluate(x, y, 0.0_wp, values, spread(this%reference, 1, size(x)))
   end subroutine evaluate
 
   !> By central differences of fourth order: an expression has no other derivative.
@@ -348,5 +351,75 @@ contains
       deallocate (value, product)
     end do
   end subroutine fill
+
+  !> Where a property depends on the temperature, it has to be positive at all that may occur, and
+  !> the product of a function of the place and one of the temperature.
+  subroutine check_range(this, x, y, material, lowest, highest, error)
+    class(materials_t), intent(in) :: this
+    !> Coordinates of the particles, m, and the material of each
+    real(wp), intent(in) :: x(:), y(:)
+    integer, intent(in) :: material(:)
+    !> The range
+    real(wp), intent(in) :: lowest, highest
+    !> What is wrong, and where
+    type(error_t), allocatable, intent(out) :: error
+    integer, parameter :: temperatures = 17
+    integer, allocatable :: member(:)
+    integer :: k, i
+
+    do k = 1, size(this%list)
+      member = pack([(i, i=1, size(x))], material == k)
+      if (size(member) == 0) cycle
+      associate (one => this%list(k))
+        if (one%conducts_by_temperature) then
+          call check_product(one%conductivity(:merge(1, 3, one%isotropic)), one%place)
+          if (allocated(error)) return
+        end if
+        if (one%stores_by_temperature) then
+          call check_product([one%density], one%density_place)
+          if (allocated(error)) return
+          call check_product([one%heat_capacity], one%capacity_place)
+          if (allocated(error)) return
+        end if
+      end associate
+    end do
+
+  contains
+
+    !> Whether all expressions are f(T) times what they are at the reference temperature, f > 0.
+    subroutine check_product(texts, place)
+      type(text_t), intent(in) :: texts(:)
+      character(len=*), intent(in) :: place
+      type(materials_t) :: warm
+      real(wp) :: cold_value(size(member)), value(size(member)), factor
+      real(wp), parameter :: rounding = 1.0e-9_wp
+      integer :: component, step
+
+      do step = 0, temperatures - 1
+        warm%reference = lowest + (highest - lowest)*step/(temperatures - 1)
+        do component = 1, size(texts)
+          call this%evaluate(texts(component), x(member), y(member), cold_value)
+          call warm%evaluate(texts(component), x(member), y(member), value)
+          if (component == 1) then
+            factor = value(1)/cold_value(1)
+            if (.not. (factor > 0 .and. factor <= huge(factor) .and. &
+                       value(1)*cold_value(1) > 0)) then
+              call raise(error, status_bad_input, place//': it must be greater than 0 wherever '// &
+                         'the temperature may come, not '//to_text(value(1), digits=6)// &
+                         ' as at T = '//to_text(warm%reference, digits=6)//'.')
+              return
+            end if
+          end if
+          if (all(abs(value - factor*cold_value) <= rounding*abs(factor*cold_value))) cycle
+          call raise(error, status_bad_input, place//': how it depends on T must be the same '// &
+                     'everywhere in the material, and for all components of a tensor: write it '// &
+                     'as a function of x and y times a function of T, or give several groups '// &
+                     '&material with where_expression.')
+          return
+        end do
+      end do
+    end subroutine check_product
+
+  end subroutine check_range
 
 end module calor_materials

@@ -49,7 +49,7 @@ module calor_flow_rows
     !> Functions P of degree 1 … `degree`, in the order of calor_taylor_weights, 0 at the particle,
     !> with offsets in units of the support radius
     subroutine describe_interface(this, particle, neighbours, dx, dy, radius, degree, wanted, &
-                                  basis, known, outward, slope, pace)
+                                  basis, known, outward, slope, pace, ease)
       import :: flow_model_t, wp, ip
       implicit none (type, external)
       class(flow_model_t), intent(in) :: this
@@ -73,6 +73,9 @@ module calor_flow_rows
       !> How many times faster than at the particle heat spreads beyond an interface; 1 at least.
       !> Next to a much faster material a row is as stiff as one of that
       real(wp), intent(out) :: pace
+      !> How much better than its own material what lies between the particle and a neighbour
+      !> conducts; 1 at least
+      real(wp), intent(out) :: ease(:)
     end subroutine describe_interface
   end interface
 
@@ -226,7 +229,7 @@ contains
       type(stencil_t), intent(inout) :: stencil
       type(sparse_operator_t), intent(inout) :: operator
       real(wp), intent(out) :: b(:), ratio, stiffness
-      real(wp), allocatable :: basis(:, :), wanted(:), dx(:), dy(:), found(:)
+      real(wp), allocatable :: basis(:, :), wanted(:), dx(:), dy(:), found(:), ease(:)
       logical, allocatable :: known(:)
       real(wp) :: total, pace
       integer :: n, normals, m
@@ -239,12 +242,13 @@ contains
         n = stencil%n
         dx = -stencil%q(1:n)*stencil%ex(1:n)
         dy = -stencil%q(1:n)*stencil%ey(1:n)
-        allocate (basis(m, n + normals), wanted(m), known(n), found(n + normals))
+        allocate (basis(m, n + normals), wanted(m), known(n), found(n + normals), ease(n))
         call model%describe(particles(which), list%index(from:to), dx, dy, h, &
                             merge(degree, 2, norm_minimal), wanted, basis(:, 1:n), known, &
-                            normal(:, first(which):first(which + 1) - 1), basis(:, n + 1:), pace)
+                            normal(:, first(which):first(which + 1) - 1), basis(:, n + 1:), pace, &
+                            ease)
         if (norm_minimal) then
-          call norm_minimal_row(stencil, known, wanted, basis, found)
+          call norm_minimal_row(stencil, known, ease, wanted, basis, found)
         else
           call positive_row(stencil, known, wanted, basis, found)
         end if
@@ -265,10 +269,10 @@ contains
   end subroutine assemble_flow_rows
 
   !> Weights of least norm: with a_j = √ω_j z_j the shortest z.
-  subroutine norm_minimal_row(stencil, known, wanted, basis, found)
+  subroutine norm_minimal_row(stencil, known, ease, wanted, basis, found)
     type(stencil_t), intent(inout) :: stencil
     logical, intent(in) :: known(:)
-    real(wp), intent(in) :: wanted(:), basis(:, :)
+    real(wp), intent(in) :: ease(:), wanted(:), basis(:, :)
     !> The weights of the neighbours, then those of the walls' fluxes
     real(wp), intent(out) :: found(:)
     real(wp), allocatable :: root(:), matrix(:, :), right(:, :), singular(:), work(:)
@@ -280,11 +284,14 @@ contains
     shortest = nearest*sqrt(pi/(n + 1))
     allocate (root(size(found)), singular(min(m, size(found))), right(max(m, size(found)), 1))
     allocate (work(8*(m + size(found)) + 64), matrix(m, size(found)))
-    ! Beyond an interface, what counts is how far away the neighbour seems to be.
+    ! Beyond an interface, what counts is how far away the neighbour seems to be. Where heat passes
+    ! more easily weights are cheap: they are then much like those of the neighbour's own row, and
+    ! little heat is lost between the two.
     do k = 1, n
       root(k) = 0
       if (.not. known(k)) cycle
-      root(k) = sqrt(stencil%f(k))/max(stencil%q(k), hypot(basis(1, k), basis(2, k)), shortest)
+      root(k) = sqrt(ease(k)*stencil%f(k))/ &
+                max(stencil%q(k), hypot(basis(1, k), basis(2, k)), shortest)
     end do
     flux_root = sqrt(cheap)*norm2(root(1:n)*stencil%q(1:n))
     do k = n + 1, size(found)

@@ -9,7 +9,7 @@ module calor_renormalization
   implicit none (type, external)
   private
 
-  public :: gradient_tensor, laplacian_tensor
+  public :: gradient_tensor, laplacian_tensor, derivative_tensors
 
 contains
 
@@ -46,10 +46,44 @@ contains
     real(wp), intent(in) :: b(2, 2)
     !> B̂xx, B̂xy, B̂yy, without unit
     real(wp), intent(out) :: b_hat(3)
+    real(wp) :: system(3, 3), solution(3, 1), minus_unit(3, 1)
+
+    call find_system(stencil, b, system)
+    minus_unit(:, 1) = [-1.0_wp, 0.0_wp, -1.0_wp]
+    call solve_small_system(system, minus_unit, solution, stencil%condition_laplacian)
+    b_hat = solution(:, 1)
+  end subroutine laplacian_tensor
+
+  !> B̂_i of ∂²/∂x², of ∂²/∂x∂y + ∂²/∂y∂x and of ∂²/∂y²: the solutions with minus the tensors xx,
+  !> xy + yx and yy on the right-hand side in the place of -I. That of K:∇∇ with any K is κxx times
+  !> the first one, κxy times the second and κyy times the third.
+  subroutine derivative_tensors(stencil, b, b_hat)
+    !> The particle's stencil; its `condition_laplacian` is set
+    type(stencil_t), intent(inout) :: stencil
+    !> B_i from `gradient_tensor`
+    real(wp), intent(in) :: b(2, 2)
+    !> B̂xx, B̂xy, B̂yy of each, one a column, without unit
+    real(wp), intent(out) :: b_hat(3, 3)
+    real(wp) :: system(3, 3), minus_unit(3, 3)
+    integer :: k
+
+    call find_system(stencil, b, system)
+    minus_unit = 0
+    do k = 1, 3
+      minus_unit(k, k) = -1
+    end do
+    call solve_small_system(system, minus_unit, b_hat, stencil%condition_laplacian)
+  end subroutine derivative_tensors
+
+  !> The system for B̂xx, B̂xy, B̂yy: its rows are the pairs xx, xy and yy of the right-hand side.
+  subroutine find_system(stencil, b, system)
+    type(stencil_t), intent(in) :: stencil
+    real(wp), intent(in) :: b(2, 2)
+    real(wp), intent(out) :: system(3, 3)
     ! Index pairs xx, xy, yy of a symmetric tensor are the components 1, 2, 3.
-    real(wp) :: second(2, 3), correction(2, 3), system(3, 3), solution(3, 1), minus_unit(3, 1)
+    real(wp) :: second(2, 3), correction(2, 3)
     real(wp) :: ee(3), row, ex, ey, force, q
-    integer :: k, pair, unknown
+    integer :: k, pair
 
     ! Σ w_j r r ∇W: its last index, that of ∇W, comes first here.
     second = 0
@@ -78,11 +112,6 @@ contains
         system(pair, 3) = system(pair, 3) + row*ee(3)
       end do
     end do
-    minus_unit(:, 1) = [-1.0_wp, 0.0_wp, -1.0_wp]
-    call solve_small_system(system, minus_unit, solution, stencil%condition_laplacian)
-    do unknown = 1, 3
-      b_hat(unknown) = solution(unknown, 1)
-    end do
-  end subroutine laplacian_tensor
+  end subroutine find_system
 
 end module calor_renormalization

@@ -278,7 +278,7 @@ contains
       ratio = huge(1.0_wp)
       if (diagonal < 0 .and. all(b > 0) .and. total < -1.0e3_wp*diagonal) ratio = -total/diagonal
       ! Half a disc of the support radius is shared by the particle and its neighbours.
-      stiffness = abs(diagonal)*h**2*0.5_wp*pi/real(1 + to - from, wp)
+      stiffness = abs(diagonal)*h**2*0.5_wp*pi/real(max(1, int(1 + to - from)), wp)
       residual = missed
     end associate
   end subroutine judge

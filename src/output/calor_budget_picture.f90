@@ -41,13 +41,15 @@ contains
     end do
     script = script//'end_of_data'//end//'set multiplot'//end//'set tics out nomirror'//end// &
              'set border 3 linewidth 0.7'//end//'set lmargin at screen 0.19'//end// &
-             'set rmargin at screen 0.78'//end//'set key at screen 0.80,0.9 left top Left reverse '// &
-             'noenhanced samplen 3 spacing 1.3'//end//'set grid linecolor "#dddddd" linetype 1 '// &
+             'set rmargin at screen 0.78'//end//'set key at screen 0.80,0.9 '// &
+             'left top Left reverse noenhanced samplen 3 spacing 1.3'//end// &
+             'set grid linecolor "#dddddd" linetype 1 '// &
              'linewidth 0.5'//end//time_range//to_text(time(1), digits=9)//':'// &
              to_text(time(size(time)), digits=9)//']'//end// &
              'set tmargin at screen 0.90'//end//'set bmargin at screen 0.52'//end// &
              'set title "'//in_script(title)//'" noenhanced font ",19"'//end// &
-             'set ylabel "heat into the body, W per m depth" offset -1,0'//end//'set format x ""'//end// &
+             'set ylabel "heat into the body, W per m depth" offset -1,0'//end// &
+             'set format x ""'//end// &
              usual_range(power, stored_rate)//'plot '
     do k = 1, size(account)
       script = script//'$budget using 1:'//to_text(k + 3)//' with linespoints linewidth 2 '// &

@@ -88,18 +88,18 @@ contains
     real(wp), intent(in) :: x(:), y(:), spacing
     real(wp), intent(out) :: own(:)
     type(neighbour_list_t) :: list
-    integer(ip), allocatable :: open(:)
+    integer(ip), allocatable :: lonely(:)
     real(wp) :: radius, distance(rank), d
     integer(i8) :: j
     integer :: k, m, round
 
     own = spacing
     radius = 1.5_wp*spacing
-    open = [(int(k, ip), k=1, size(x))]
+    lonely = [(int(k, ip), k=1, size(x))]
     ! Beyond some doublings a particle is alone.
     do round = 1, 6
-      if (size(open) == 0) exit
-      call build_neighbour_list(x, y, radius, list, open)
+      if (size(lonely) == 0) exit
+      call build_neighbour_list(x, y, radius, list, lonely)
       do k = 1, list%rows()
         distance = huge(1.0_wp)
         do j = list%first(k), list%first(k + 1) - 1
@@ -114,10 +114,10 @@ contains
         end do
         if (distance(rank) < huge(1.0_wp)) then
           own(list%target(k)) = distance(rank)
-          open(k) = 0
+          lonely(k) = 0
         end if
       end do
-      open = pack(open, open > 0)
+      lonely = pack(lonely, lonely > 0)
       radius = 2*radius
     end do
   end subroutine find_own_spacing

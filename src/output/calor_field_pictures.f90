@@ -21,7 +21,8 @@ module calor_field_pictures
   !> Frames of a moving picture, and how long each stays, s
   integer, parameter :: most_frames = 60
   real(wp), parameter :: frame_seconds = 0.15_wp
-  !> The part of all values, at each end, that may lie beyond the colours where schemes fail at walls
+  !> The part of all values, at each end, that may lie beyond the colours where schemes fail at
+  !> walls
   real(wp), parameter :: beyond = 0.02_wp
 
   !> The files to be written
@@ -365,7 +366,8 @@ contains
 
     spacing = stored%spacing
     if (spacing > 0) return
-    spacing = max(maxval(x) - minval(x), maxval(y) - minval(y), tiny(1.0_wp))/sqrt(real(size(x), wp))
+    spacing = max(maxval(x) - minval(x), maxval(y) - minval(y), &
+                  tiny(1.0_wp))/sqrt(real(size(x), wp))
   end function spacing_of
 
   subroutine put_on_grid(stored, field, map, values, view)

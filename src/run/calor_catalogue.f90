@@ -71,8 +71,8 @@ contains
                  suggestion(name, effect_names())//' calor effects lists them.')
     else if (name == '') then
       call append(lines, '')
-      call append(lines, 'What a scene does not call for costs nothing. More about one of them: '// &
-                  'calor effects NAME')
+      call append(lines, 'What a scene does not call for costs nothing. More about one of '// &
+                  'them: calor effects NAME')
     end if
   end subroutine describe_effects
 

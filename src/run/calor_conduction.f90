@@ -1,7 +1,9 @@
 !> Heat conduction, ρc u_t = div(κ ∇u), with held temperatures on walls and whatever effects a scene
 !> calls for.
 !>
-!> The state u is the temperature, unless an effect maps it: then ρc u_t = κ ∇²T(u).
+!> The state u is the temperature, unless capacity or conductivity depend on it or something melts:
+!> then it is the heat content and C₀ u_t = div(κ₀ ∇θ(u)), θ being Kirchhoff's potential, see
+!> calor_heat_law.
 module calor_conduction
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use calor_constants, only: worth_threads
@@ -9,6 +11,7 @@ module calor_conduction
   use calor_error, only: error_t, raise, status_bad_numbers
   use calor_evolution, only: evolution_t
   use calor_expression, only: expression_t
+  use calor_heat_content, only: heat_content_t
   use calor_kinds, only: wp
   use calor_medium, only: medium_t
   use calor_prescribed, only: prescribed_t
@@ -47,13 +50,16 @@ module calor_conduction
     type(effect_slot_t), allocatable :: effects(:)
     !> The power of all effects at each particle, W/m³; allocated where there are effects
     real(wp), allocatable :: power(:)
-    !> The derivative of their power over ρc, 1/s, at the temperatures of the last `linearise`;
-    !> allocated where the power of any depends on the temperature
+    !> The derivative of their power with respect to the temperature over ρc, 1/s, at the last
+    !> `linearise`, or the largest; allocated where the power of any depends on the temperature
     real(wp), allocatable :: slope(:)
-    !> The effect that maps the state, a number among `effects`; 0: the state is the temperature
-    integer :: mapping = 0
-    !> The temperatures of the last state; allocated where an effect maps it
-    real(wp), allocatable :: temperature(:)
+    !> What the heat content is; not allocated: the state is the temperature
+    type(heat_content_t), allocatable :: content
+    !> Temperatures and potentials of the last state; allocated where that is a heat content
+    real(wp), allocatable :: temperature(:), potential(:)
+    !> Derivatives of temperature and potential with respect to the state at the last `linearise`,
+    !> or their largest; allocated where the state is a heat content
+    real(wp), allocatable :: temperature_slope(:), potential_slope(:)
     !> Lowest and highest of all temperatures given so far
     real(wp) :: lowest = huge(1.0_wp), highest = -huge(1.0_wp)
     !> What to blame should the numbers go wrong, in a sentence; not allocated: the scheme
@@ -74,19 +80,28 @@ module calor_conduction
     procedure :: spectral_bound
     !> Widen the range of given temperatures
     procedure :: note_range
+    !> Take up that the state is a heat content
+    procedure :: use_content
     !> Put effects in force
     procedure :: put_in_force
-    !> Find the derivatives of the effects' powers at a state
+    !> Take the derivatives at a state for those of the Jacobian
     procedure :: linearise
+    !> Take the largest ones that may occur for them
+    procedure :: assume_stiffest
     !> The measure of temperatures: the range of those given, or what effects may bring about, K
     procedure :: temperature_scale
     !> Put the rates of held states into a rate
     procedure :: add_held_rates
     !> The temperatures of a state, the state of temperatures, and how much is liquid
     procedure :: find_temperature
+    procedure :: find_potential
     procedure :: find_state
     procedure :: find_liquid_fraction
     procedure, private :: add_effects
+    procedure, private :: find_slope
+    procedure, private :: find_scales
+    !> The range where temperatures may come
+    procedure :: expected_range
     procedure, private :: allowed_range
   end type conduction_t
 
@@ -105,10 +120,10 @@ contains
     real(wp), intent(in) :: u(:)
     real(wp), intent(out) :: du(:)
 
-    if (this%mapping > 0) then
-      call this%effects(this%mapping)%effect%find_temperature(u, this%temperature)
-      call this%laplacian%apply_at_targets(this%diffusivity, this%temperature, du)
-      call this%add_effects(time, this%temperature, du)
+    if (allocated(this%content)) then
+      call this%content%evaluate(u, this%temperature, this%potential)
+      call this%laplacian%apply_at_targets(this%diffusivity, this%potential, du)
+      if (allocated(this%effects)) call this%add_effects(time, this%temperature, du)
     else
       call this%laplacian%apply_at_targets(this%diffusivity, u, du)
       if (allocated(this%effects)) call this%add_effects(time, u, du)
@@ -116,15 +131,22 @@ contains
     call this%clear_prescribed(du)
   end subroutine rate
 
-  !> Where an effect maps the state, that of the unmapped state: dT/du lies between 0 and 1, and it
-  !> is the bound at all states, not the spectrum at one, that steps have to be chosen by.
+  !> The derivatives are those of the last `linearise`, or the largest that may occur: it is by
+  !> these that steps have to be chosen, not by the spectrum at one state.
   subroutine jacobian_product(this, v, product)
     class(conduction_t), intent(inout) :: this
     real(wp), intent(in) :: v(:)
     real(wp), intent(out) :: product(:)
 
-    call this%laplacian%apply_at_targets(this%diffusivity, v, product)
-    if (allocated(this%slope)) product = product + this%slope*v
+    if (allocated(this%content)) then
+      ! No state is at work: its arrays serve.
+      this%potential = this%potential_slope*v
+      call this%laplacian%apply_at_targets(this%diffusivity, this%potential, product)
+      if (allocated(this%slope)) product = product + this%slope*this%temperature_slope*v
+    else
+      call this%laplacian%apply_at_targets(this%diffusivity, v, product)
+      if (allocated(this%slope)) product = product + this%slope*v
+    end if
     call this%clear_prescribed(product)
   end subroutine jacobian_product
 
@@ -150,9 +172,9 @@ contains
         allocate (before(size(held%particle)), after(size(held%particle)))
         call expression%evaluate(held%x, held%y, max(0.0_wp, time - step), values=before)
         call expression%evaluate(held%x, held%y, time + step, values=after)
-        if (this%mapping > 0) then
-          call this%effects(this%mapping)%effect%find_state((before), before)
-          call this%effects(this%mapping)%effect%find_state((after), after)
+        if (allocated(this%content)) then
+          call this%content%find_state(held%particle, (before), before)
+          call this%content%find_state(held%particle, (after), after)
         end if
         rate(held%particle) = (after - before)/(time + step - max(0.0_wp, time - step))
         deallocate (before, after)
@@ -167,12 +189,31 @@ contains
     !> Its temperature
     real(wp), intent(out) :: temperature(:)
 
-    if (this%mapping > 0) then
-      call this%effects(this%mapping)%effect%find_temperature(state, temperature)
+    real(wp), allocatable :: potential(:)
+
+    if (allocated(this%content)) then
+      allocate (potential(size(state)))
+      call this%content%evaluate(state, temperature, potential)
     else
       temperature = state
     end if
   end subroutine find_temperature
+
+  subroutine find_potential(this, state, potential)
+    class(conduction_t), intent(inout) :: this
+    !> State of each particle
+    real(wp), intent(in) :: state(:)
+    !> What the rows are applied to: Kirchhoff's potential, or the temperature
+    real(wp), intent(out) :: potential(:)
+    real(wp), allocatable :: temperature(:)
+
+    if (allocated(this%content)) then
+      allocate (temperature(size(state)))
+      call this%content%evaluate(state, temperature, potential)
+    else
+      potential = state
+    end if
+  end subroutine find_potential
 
   pure subroutine find_state(this, temperature, state)
     class(conduction_t), intent(in) :: this
@@ -180,9 +221,10 @@ contains
     real(wp), intent(in) :: temperature(:)
     !> Its state
     real(wp), intent(out) :: state(:)
+    integer :: k
 
-    if (this%mapping > 0) then
-      call this%effects(this%mapping)%effect%find_state(temperature, state)
+    if (allocated(this%content)) then
+      call this%content%find_state([(k, k=1, size(state))], temperature, state)
     else
       state = temperature
     end if
@@ -196,8 +238,7 @@ contains
     real(wp), intent(out) :: fraction(:)
 
     fraction = 0
-    if (this%mapping == 0) return
-    call this%effects(this%mapping)%effect%find_liquid_fraction(state, fraction)
+    if (allocated(this%content)) call this%content%find_liquid_fraction(state, fraction)
   end subroutine find_liquid_fraction
 
   !> Add to rates what the effects bring.
@@ -247,37 +288,85 @@ contains
         allocate (this%slope(size(temperature)))
       end if
     end do
-    call this%linearise(0.0_wp, temperature)
-    do k = 1, size(this%effects)
-      if (this%effects(k)%effect%maps_state()) this%mapping = k
-    end do
-    if (this%mapping > 0) allocate (this%temperature(size(temperature)), source=temperature)
   end subroutine put_in_force
+
+  !> Take up that the state is a heat content.
+  subroutine use_content(this, content, temperature)
+    class(conduction_t), intent(inout) :: this
+    !> The laws, tabulated
+    type(heat_content_t), intent(in) :: content
+    !> The temperatures at the start
+    real(wp), intent(in) :: temperature(:)
+
+    this%content = content
+    allocate (this%temperature(size(temperature)), source=temperature)
+    allocate (this%potential(size(temperature)), source=temperature)
+    allocate (this%temperature_slope(size(temperature)), source=1.0_wp)
+    allocate (this%potential_slope(size(temperature)), source=1.0_wp)
+  end subroutine use_content
 
   subroutine linearise(this, time, u)
     class(conduction_t), intent(inout) :: this
-    !> Time, s
     real(wp), intent(in) :: time
-    !> State
     real(wp), intent(in) :: u(:)
     real(wp), allocatable :: temperature(:)
-    integer :: k
 
+    if (allocated(this%content)) then
+      call this%content%slopes(u, this%temperature_slope, this%potential_slope)
+    end if
     if (.not. allocated(this%slope)) return
     allocate (temperature(size(u)))
     call this%find_temperature(u, temperature)
-    this%slope = 0
+    call this%find_slope(time, temperature, this%slope)
+  end subroutine linearise
+
+  !> The derivative of the effects' power with respect to the temperature over ρc
+  subroutine find_slope(this, time, temperature, slope)
+    class(conduction_t), intent(inout) :: this
+    real(wp), intent(in) :: time
+    real(wp), intent(in) :: temperature(:)
+    real(wp), intent(out) :: slope(:)
+    integer :: k
+
+    slope = 0
     do k = 1, size(this%effects)
       if (.not. this%effects(k)%effect%has_slope()) cycle
-      call this%effects(k)%effect%add_slope(this%medium, time, temperature, this%slope)
+      call this%effects(k)%effect%add_slope(this%medium, time, temperature, slope)
     end do
     if (allocated(this%medium%local_capacity)) then
-      this%slope = this%slope/this%medium%local_capacity
+      slope = slope/this%medium%local_capacity
     else
-      this%slope = this%slope/this%medium%capacity
+      slope = slope/this%medium%capacity
     end if
-    call this%clear_prescribed(this%slope)
-  end subroutine linearise
+    call this%clear_prescribed(slope)
+  end subroutine find_slope
+
+  !> Derivatives with respect to the temperature are looked at throughout the range where that may
+  !> come, and throughout the time: of some places in both, the largest counts.
+  subroutine assume_stiffest(this)
+    class(conduction_t), intent(inout) :: this
+    integer, parameter :: temperatures = 5, times = 3
+    real(wp), allocatable :: uniform(:), found(:)
+    real(wp) :: low, high
+    integer :: k, j
+
+    if (.not. (allocated(this%content) .or. allocated(this%slope))) return
+    call this%expected_range(low, high)
+    if (allocated(this%content)) then
+      call this%content%largest_slopes(low, high, this%temperature_slope, this%potential_slope)
+    end if
+    if (.not. allocated(this%slope)) return
+    allocate (found(size(this%slope)))
+    this%slope = 0
+    do j = 0, times - 1
+      do k = 0, temperatures - 1
+        uniform = spread(low + (high - low)*k/(temperatures - 1), 1, size(found))
+        call this%find_slope(this%medium%duration*j/(times - 1), uniform, found)
+        where (.not. ieee_is_finite(found)) found = 0
+        where (abs(found) > abs(this%slope)) this%slope = found
+      end do
+    end do
+  end subroutine assume_stiffest
 
   subroutine impose(this, time, u)
     class(conduction_t), intent(inout) :: this
@@ -288,18 +377,19 @@ contains
     do k = 1, size(this%prescribed)
       associate (held => this%prescribed(k))
         call held%impose(time, u)
-        if (this%mapping > 0) u(held%particle) = states_of(held%temperature)
+        if (allocated(this%content)) u(held%particle) = states_of(held%particle, held%temperature)
         call this%note_range(held%temperature)
       end associate
     end do
 
   contains
 
-    pure function states_of(temperature) result(state)
+    pure function states_of(particle, temperature) result(state)
+      integer, intent(in) :: particle(:)
       real(wp), intent(in) :: temperature(:)
       real(wp) :: state(size(temperature))
 
-      call this%effects(this%mapping)%effect%find_state(temperature, state)
+      call this%content%find_state(particle, temperature, state)
     end function states_of
 
   end subroutine impose
@@ -321,7 +411,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     real(wp), allocatable :: temperature(:)
 
-    if (this%mapping > 0) then
+    if (allocated(this%content)) then
       allocate (temperature(size(u)))
       call this%find_temperature(u, temperature)
       call inspect_temperature(this, time, temperature, error)
@@ -410,20 +500,29 @@ contains
     real(wp) :: bound
 
     bound = this%diffusivity*this%laplacian%gershgorin_bound()
-    if (allocated(this%slope)) bound = bound + maxval(abs(this%slope))
+    if (allocated(this%content)) then
+      bound = bound*maxval(this%potential_slope)
+      if (allocated(this%slope)) bound = bound + maxval(abs(this%slope*this%temperature_slope))
+    else
+      if (allocated(this%slope)) bound = bound + maxval(abs(this%slope))
+    end if
   end function spectral_bound
 
   pure function fastest_decay(this) result(rate)
     class(conduction_t), intent(in) :: this
     real(wp) :: rate
+    integer :: k
 
     rate = 0
     if (any(this%laplacian%weight < 0)) return
-    ! A monotone mapping with slopes up to 1 keeps the order of states; other effects need not.
     if (allocated(this%effects)) then
-      if (size(this%effects) > 1 .or. this%mapping == 0) return
+      do k = 1, size(this%effects)
+        if (.not. this%effects(k)%effect%brings_nothing()) return
+      end do
     end if
+    ! The potential grows with the state, so that a mean of potentials keeps the order of states.
     rate = this%diffusivity*maxval(-this%laplacian%diagonal)
+    if (allocated(this%content)) rate = rate*maxval(this%potential_slope)
   end function fastest_decay
 
   !> The range that a state may leave by a little only. Effects that heat or cool without end leave
@@ -453,26 +552,66 @@ contains
   function temperature_scale(this) result(scale)
     class(conduction_t), intent(in) :: this
     real(wp) :: scale
-    real(wp) :: low, high, rise, kept_low, kept_high
+    real(wp) :: low, high, rise
+
+    call this%find_scales(low, high, rise)
+    scale = max(high - low, rise)
+    if (.not. scale > 0) scale = max(abs(high), 1.0_wp)
+  end function temperature_scale
+
+  !> The range of temperatures given or kept, and by how much effects may raise them
+  subroutine find_scales(this, low, high, rise)
+    class(conduction_t), intent(in) :: this
+    real(wp), intent(out) :: low, high, rise
+    real(wp) :: kept_low, kept_high
     logical :: kept
     integer :: k
 
     low = this%lowest
     high = this%highest
     rise = 0
-    if (allocated(this%effects)) then
-      do k = 1, size(this%effects)
-        call this%effects(k)%effect%kept_range(kept, kept_low, kept_high)
-        if (kept) then
-          low = min(low, kept_low)
-          high = max(high, kept_high)
-        end if
-        rise = max(rise, this%effects(k)%effect%expected_rise(this%medium))
-      end do
-    end if
-    scale = max(high - low, rise)
-    if (.not. scale > 0) scale = max(abs(high), 1.0_wp)
-  end function temperature_scale
+    if (.not. allocated(this%effects)) return
+    do k = 1, size(this%effects)
+      call this%effects(k)%effect%kept_range(kept, kept_low, kept_high)
+      if (kept) then
+        low = min(low, kept_low)
+        high = max(high, kept_high)
+      end if
+      rise = max(rise, this%effects(k)%effect%expected_rise(this%medium))
+    end do
+  end subroutine find_scales
+
+  !> The range where temperatures may come, as far as that is known before: where effects may raise
+  !> or lower them without end, about as far as they will
+  subroutine expected_range(this, low, high)
+    class(conduction_t), intent(in) :: this
+    real(wp), intent(out) :: low, high
+    integer, parameter :: times = 32
+    type(expression_t) :: expression
+    real(wp), allocatable :: given(:)
+    real(wp) :: rise, any_low, any_high
+    integer :: k, j
+
+    call this%find_scales(low, high, rise)
+    do k = 1, size(this%prescribed)
+      if (.not. allocated(this%prescribed(k)%expression)) cycle
+      ! What is held later counts as well.
+      expression = this%prescribed(k)%expression
+      associate (held => this%prescribed(k))
+        allocate (given(size(held%particle)))
+        do j = 1, times
+          call expression%evaluate(held%x, held%y, this%medium%duration*j/times, values=given)
+          low = min(low, minval(given, ieee_is_finite(given)))
+          high = max(high, maxval(given, ieee_is_finite(given)))
+        end do
+        deallocate (given)
+      end associate
+    end do
+    call this%allowed_range(any_low, any_high)
+    if (any_low >= low .and. any_high <= high) return
+    low = low - rise
+    high = high + rise
+  end subroutine expected_range
 
   subroutine note_range(this, temperature)
     class(conduction_t), intent(inout) :: this

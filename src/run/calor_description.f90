@@ -296,7 +296,7 @@ contains
     middle = low
     do k = 1, 60
       if (2*count(values <= middle) >= size(values)) exit
-      middle = 0.5_wp*(low + high)
+      middle = 0.5_wp*low + 0.5_wp*high
       if (2*count(values <= middle) >= size(values)) then
         high = middle
         middle = low

@@ -7,6 +7,7 @@ module calor_scene_evolution
   use calor_effect, only: effect_slot_t
   use calor_effects, only: called_effects, enter
   use calor_error, only: error_t, raise, status_bad_input
+  use calor_heat_content, only: heat_content_t
   use calor_kernel, only: kernel_t
   use calor_kernels, only: make_kernel
   use calor_kinds, only: wp, ip
@@ -85,11 +86,11 @@ contains
     class(kernel_t), allocatable :: kernel
     type(effect_slot_t), allocatable :: effects(:)
     type(scene_materials_t) :: materials
+    type(heat_content_t), allocatable :: content
+    real(wp) :: lowest, highest
     integer :: k
 
     call describe_medium(scene, cloud, conduction%medium)
-    call materials%prepare(scene%file, cloud, error)
-    if (allocated(error)) return
     call find_contacts(scene, cloud, conduction%medium%contacts, error)
     if (allocated(error)) return
     call hold_walls(scene, cloud, conduction%medium%contacts, conduction%prescribed, error)
@@ -97,6 +98,10 @@ contains
     conduction%x = cloud%x
     conduction%y = cloud%y
     conduction%user_index = cloud%user_index
+    call conduction%note_range(temperature)
+    call conduction%impose(0.0_wp, temperature)
+    call materials%prepare(scene%file, cloud, temperature, error)
+    if (allocated(error)) return
     associate (material => scene%material)
       conduction%diffusivity = material%conductivity/(material%density*material%heat_capacity)
     end associate
@@ -104,8 +109,6 @@ contains
       call materials%describe(conduction%medium)
       conduction%diffusivity = 1
     end if
-    call conduction%note_range(temperature)
-    call conduction%impose(0.0_wp, temperature)
     call make_kernel(scene%kernel, kernel, error)
     if (allocated(error)) return
     call assemble(scene, cloud, method, kernel, materials, conduction, rows, error, stopwatch)
@@ -118,8 +121,16 @@ contains
         call enter(effects, further(k)%effect)
       end do
     end if
-    if (.not. allocated(effects)) return
     call conduction%put_in_force(effects, temperature, error)
+    if (allocated(error)) return
+    if (materials%in_force .or. allocated(conduction%effects)) then
+      call conduction%expected_range(lowest, highest)
+      call materials%find_content(scene%file, cloud, conduction%effects, lowest, highest, content, &
+                                  error)
+      if (allocated(error)) return
+      if (allocated(content)) call conduction%use_content(content, temperature)
+    end if
+    call conduction%assume_stiffest()
   end subroutine make_scene_evolution
 
   !> What effects get to see.
@@ -188,7 +199,8 @@ contains
       call materials%convert(cloud, kernel, max(2, scheme%exact_degree()), scheme%rule(), &
                              rows%radius, [(1, k=0, size(free))], no_normal, &
                              conduction%laplacian, no_weight, rows%repairs%repair, &
-                             rows%repairs%quality, rows%report)
+                             rows%repairs%quality, rows%report, &
+                             by_tensor=method%laplacian == 'fatehi_manzari')
     end subroutine convert_inner_rows
 
     !> Rows at particles on walls: those that are not held come after those of particles inside;
@@ -249,7 +261,8 @@ contains
         if (materials%in_force) then
           call materials%convert(cloud, kernel, wall_degree(scheme), scheme%rule(), radius, first, &
                                  contacts%normal(:, chosen), walls%laplacian, &
-                                 walls%slope_weight, walls%repair, walls%quality, walls%report)
+                                 walls%slope_weight, walls%repair, walls%quality, walls%report, &
+                                 by_tensor=.false.)
         end if
         contacts%weight(chosen) = walls%slope_weight
       end associate

@@ -3,22 +3,30 @@
 !> Where the conductivity of one material varies smoothly, the row of any scheme serves: from
 !> div(κ∇u) = [∇²(κu) + κ∇²u - u∇²κ]/2 follows Σ a_ij (κ_i + κ_j)/2 (u_j - u_i) + Σ b κ ∂u/∂n, as
 !> exact as the row, and with positive weights where the row's are. Rows that reach into another
-!> material, and rows in a body that conducts differently in different directions, are made anew by
-!> calor_flow_rows.
+!> material are made anew by calor_flow_rows. So are rows where the conductivity is a tensor, unless
+!> the paper's scheme serves there (calor_tensor_rows).
 module calor_scene_materials
   use calor_cloud, only: cloud_t
-  use calor_error, only: error_t
+  use calor_effect, only: effect_slot_t
+  use calor_effect_melting, only: melting_t
+  use calor_error, only: error_t, raise, status_bad_input
+  use calor_expression, only: expression_t
   use calor_flow_rows, only: assemble_flow_rows, flow_rows_t
+  use calor_heat_content, only: heat_content_t
+  use calor_heat_law, only: heat_law_t
   use calor_kernel, only: kernel_t
   use calor_kinds, only: wp, ip, i8
   use calor_laplacian_scheme, only: row_rule_t
   use calor_material_flow, only: material_flow_t
-  use calor_materials, only: materials_t, read_materials
+  use calor_materials, only: materials_t, material_t, read_materials
   use calor_medium, only: medium_t
   use calor_row_quality, only: row_quality_t
   use calor_row_report, only: row_report_t
-  use calor_scene_file, only: scene_file_t
+  use calor_scene_file, only: scene_file_t, group_t
+  use calor_scene_getters, only: get_varying, raise_at
   use calor_sparse_operator, only: sparse_operator_t
+  use calor_stable_rows, only: no_stencil
+  use calor_tensor_rows, only: assemble_tensor_rows
   implicit none (type, external)
   private
 
@@ -48,17 +56,21 @@ module calor_scene_materials
     procedure :: describe
     !> Make rows for ∇² into rows for div(K ∇)
     procedure :: convert
-    procedure, private :: needs_own_rows
+    !> What the heat content is, where that is not the temperature
+    procedure :: find_content
+    procedure, private :: reaches_across
   end type scene_materials_t
 
 contains
 
-  subroutine prepare(this, file, cloud, error)
+  subroutine prepare(this, file, cloud, temperature, error)
     class(scene_materials_t), intent(out) :: this
     !> The scene's groups
     type(scene_file_t), intent(in) :: file
     !> The cloud
     type(cloud_t), intent(in) :: cloud
+    !> Temperatures at the start, on held walls too
+    real(wp), intent(in) :: temperature(:)
     !> A material is wrong, or missing somewhere
     type(error_t), allocatable, intent(out) :: error
 
@@ -66,6 +78,7 @@ contains
     if (allocated(error)) return
     this%in_force = allocated(this%materials%list)
     if (.not. this%in_force) return
+    this%materials%reference = 0.5_wp*(minval(temperature) + maxval(temperature))
     call this%materials%fill(cloud%x, cloud%y, file%path, this%flow%material, this%conductivity, &
                              this%capacity, error)
     if (allocated(error)) return
@@ -85,7 +98,7 @@ contains
   end subroutine describe
 
   subroutine convert(this, cloud, kernel, degree, rule, radius, first, normal, operator, &
-                     slope_weight, repair, quality, report)
+                     slope_weight, repair, quality, report, by_tensor)
     class(scene_materials_t), intent(inout) :: this
     !> The cloud and the kernel
     type(cloud_t), intent(in) :: cloud
@@ -106,60 +119,226 @@ contains
     integer, intent(inout) :: repair(:)
     type(row_quality_t), intent(inout) :: quality
     type(row_report_t), intent(inout) :: report
-    type(flow_rows_t) :: rows
-    type(row_rule_t) :: own_rule
-    logical, allocatable :: chosen(:)
-    integer, allocatable :: place(:), own_first(:), wall(:)
-    integer :: k, own_degree, j
+    !> Whether rows where the conductivity is a tensor are those of the paper's scheme if possible
+    logical, intent(in) :: by_tensor
+    logical, allocatable :: across(:), own(:)
+    integer :: k
 
-    chosen = [(this%needs_own_rows(operator, k), k=1, operator%rows())]
-    call scale_rows(operator, this%conductivity(1, :), chosen)
-    if (.not. any(chosen)) return
-    place = pack([(k, k=1, size(chosen))], chosen)
-    allocate (own_first(size(place) + 1), wall(0))
-    do k = 1, size(place)
-      own_first(k) = size(wall) + 1
-      wall = [wall, [(j, j=first(place(k)), first(place(k) + 1) - 1)]]
+    across = [(this%reaches_across(operator, k), k=1, operator%rows())]
+    own = across
+    do k = 1, operator%rows()
+      associate (material => this%flow%material(operator%target(k)))
+        if (.not. this%materials%list(material)%isotropic) own(k) = .true.
+      end associate
     end do
-    own_first(size(place) + 1) = size(wall) + 1
-    call this%flow%focus(this%materials, cloud%x, cloud%y, cloud%spacing, operator%target(place))
-    own_rule = rule
-    own_degree = degree
-    if (size(this%materials%list) > 1) then
+    call scale_rows(operator, this%conductivity(1, :), own)
+    if (any(across)) then
       ! Functions are continued beyond an interface up to degree 2, which needs a few neighbours.
-      own_degree = 2
-      own_rule = row_rule_t()
-      radius(operator%target(place)) = short_support*cloud%spacing
-    else
-      own_rule%largest_ratio = max(largest_ratio, rule%largest_ratio)
+      radius(pack(operator%target, across)) = short_support*cloud%spacing
+      call make_anew(across, 2, row_rule_t())
     end if
-    call assemble_flow_rows(this%flow, own_degree, own_rule, kernel, cloud%x, cloud%y, &
-                            cloud%volume, radius, operator%target(place), own_first, &
-                            normal(:, wall), rows)
-    call replace_rows(operator, place, rows%operator)
-    slope_weight(wall) = rows%slope_weight
-    repair(place) = rows%repair
-    quality%ratio(place) = rows%quality%ratio
-    quality%residual(place) = rows%quality%residual
-    quality%stiffness(place) = rows%quality%stiffness
-    quality%neighbours(place) = rows%quality%neighbours
-    report%condition_gradient(place) = 0
-    report%condition_laplacian(place) = 0
-    report%residual(place) = rows%report%residual
+    own = own .and. .not. across
+    if (any(own) .and. by_tensor) call take_tensor_rows(own)
+    if (any(own)) call make_anew(own, degree, rule)
+
+  contains
+
+    !> Put rows of the paper's scheme into the place of some rows, which are not `chosen` any more.
+    subroutine take_tensor_rows(chosen)
+      logical, intent(inout) :: chosen(:)
+      type(flow_rows_t) :: rows
+      type(row_rule_t) :: own_rule
+      integer, allocatable :: place(:)
+      integer :: k
+
+      own_rule = rule
+      own_rule%largest_ratio = max(largest_ratio, rule%largest_ratio)
+      place = pack([(k, k=1, size(chosen))], chosen)
+      call assemble_tensor_rows(this%conductivity, own_rule, kernel, cloud%x, cloud%y, &
+                                cloud%volume, radius, operator%target(place), rows)
+      call put_in_place(place, rows)
+      do k = 1, size(place)
+        ! A support that has grown into another material is no good.
+        chosen(place(k)) = rows%repair(k) == no_stencil .or. &
+                           this%reaches_across(operator, place(k))
+      end do
+    end subroutine take_tensor_rows
+
+    subroutine put_in_place(place, rows)
+      integer, intent(in) :: place(:)
+      type(flow_rows_t), intent(in) :: rows
+
+      call replace_rows(operator, place, rows%operator)
+      repair(place) = rows%repair
+      quality%ratio(place) = rows%quality%ratio
+      quality%residual(place) = rows%quality%residual
+      quality%stiffness(place) = rows%quality%stiffness
+      quality%neighbours(place) = rows%quality%neighbours
+      report%condition_gradient(place) = rows%report%condition_gradient
+      report%condition_laplacian(place) = rows%report%condition_laplacian
+      report%residual(place) = rows%report%residual
+    end subroutine put_in_place
+
+    !> Put flow rows into the place of some rows.
+    subroutine make_anew(chosen, own_degree, scheme_rule)
+      logical, intent(in) :: chosen(:)
+      integer, intent(in) :: own_degree
+      type(row_rule_t), intent(in) :: scheme_rule
+      type(flow_rows_t) :: rows
+      type(row_rule_t) :: own_rule
+      integer, allocatable :: place(:), own_first(:), wall(:)
+      integer :: k, j
+
+      own_rule = scheme_rule
+      if (.not. all(this%materials%list%isotropic)) then
+        own_rule%largest_ratio = max(largest_ratio, scheme_rule%largest_ratio)
+      end if
+      place = pack([(k, k=1, size(chosen))], chosen)
+      allocate (own_first(size(place) + 1), wall(0))
+      do k = 1, size(place)
+        own_first(k) = size(wall) + 1
+        wall = [wall, [(j, j=first(place(k)), first(place(k) + 1) - 1)]]
+      end do
+      own_first(size(place) + 1) = size(wall) + 1
+      call this%flow%focus(this%materials, cloud%x, cloud%y, cloud%spacing, operator%target(place))
+      call assemble_flow_rows(this%flow, own_degree, own_rule, kernel, cloud%x, cloud%y, &
+                              cloud%volume, radius, operator%target(place), own_first, &
+                              normal(:, wall), rows)
+      call put_in_place(place, rows)
+      slope_weight(wall) = rows%slope_weight
+    end subroutine make_anew
+
   end subroutine convert
 
-  pure function needs_own_rows(this, operator, row) result(answer)
+  !> The laws of heat contents; not allocated where those are the temperatures.
+  subroutine find_content(this, file, cloud, effects, lowest, highest, content, error)
+    class(scene_materials_t), intent(in) :: this
+    !> The scene's groups, and the cloud
+    type(scene_file_t), intent(in) :: file
+    type(cloud_t), intent(in) :: cloud
+    !> The effects in force; those that melt get to know their rise
+    type(effect_slot_t), allocatable, intent(inout) :: effects(:)
+    !> Range of temperatures that may occur
+    real(wp), intent(in) :: lowest, highest
+    !> The laws
+    type(heat_content_t), allocatable, intent(out) :: content
+    !> They cannot be had
+    type(error_t), allocatable, intent(out) :: error
+    type(heat_content_t) :: found
+    integer :: k
+
+    allocate (found%law(max(1, file%count('material'))))
+    if (this%in_force) then
+      call this%materials%check_range(cloud%x, cloud%y, this%flow%material, lowest, highest, error)
+      if (allocated(error)) return
+      do k = 1, size(found%law)
+        call take_material(this%materials%list(k), this%materials%reference, found%law(k))
+        associate (one => findloc(this%flow%material, k, dim=1))
+          if (one == 0) cycle
+          found%law(k)%x = cloud%x(one)
+          found%law(k)%y = cloud%y(one)
+        end associate
+      end do
+      if (size(found%law) > 1) found%law_of = this%flow%material
+    end if
+    if (allocated(effects)) then
+      do k = 1, size(effects)
+        select type (effect => effects(k)%effect)
+        type is (melting_t)
+          call take_melting(file, effect, this%materials%reference, found%law(effect%material), &
+                            error)
+          if (allocated(error)) return
+        class default
+          cycle
+        end select
+      end do
+    end if
+    if (.not. any(found%law%melts .or. found%law%stores .or. found%law%conducts)) return
+    call found%prepare(lowest, highest)
+    if (this%in_force) call require_one_factor(this, found, lowest, highest, error)
+    if (.not. allocated(error)) content = found
+  end subroutine find_content
+
+  !> What of a material depends on the temperature
+  pure subroutine take_material(material, reference, law)
+    type(material_t), intent(in) :: material
+    real(wp), intent(in) :: reference
+    type(heat_law_t), intent(inout) :: law
+
+    law%conducts = material%conducts_by_temperature
+    law%stores = material%stores_by_temperature
+    law%conductivity = material%conductivity(1)
+    law%density = material%density
+    law%heat_capacity = material%heat_capacity
+    law%reference = reference
+  end subroutine take_material
+
+  !> What melting makes of it: latent heat over the heat capacity at the reference temperature is
+  !> one number of the material.
+  subroutine take_melting(file, melting, reference, law, error)
+    type(scene_file_t), intent(in) :: file
+    type(melting_t), intent(inout) :: melting
+    real(wp), intent(in) :: reference
+    type(heat_law_t), intent(inout) :: law
+    type(error_t), allocatable, intent(out) :: error
+    type(group_t) :: group
+    type(expression_t) :: expression
+    real(wp) :: heat_capacity
+
+    call file%group('material', group, melting%material)
+    call get_varying(group, 'heat_capacity', expression, error, 1.0_wp)
+    if (allocated(error)) return
+    if (expression%uses('x') .or. expression%uses('y')) then
+      call raise_at(error, group, 'heat_capacity_expression', 'where something melts the heat '// &
+                    'capacity must not depend on x and y; give several groups &material.')
+      return
+    end if
+    call expression%evaluate(0.0_wp, 0.0_wp, 0.0_wp, heat_capacity, reference)
+    melting%rise = melting%latent_heat/heat_capacity
+    law%melts = .true.
+    law%solidus = melting%solidus
+    law%liquidus = melting%liquidus
+    law%rise = melting%rise
+  end subroutine take_melting
+
+  !> Rows across an interface hold for potentials that are continuous there.
+  subroutine require_one_factor(this, content, lowest, highest, error)
+    type(scene_materials_t), intent(in) :: this
+    type(heat_content_t), intent(in) :: content
+    real(wp), intent(in) :: lowest, highest
+    type(error_t), allocatable, intent(out) :: error
+    integer, parameter :: temperatures = 17
+    real(wp), parameter :: rounding = 1.0e-9_wp
+    real(wp) :: f, other, unused
+    integer :: k, j, step
+
+    do k = 2, size(content%law)
+      do j = 1, k - 1
+        if (.not. this%flow%touch(j, k)) cycle
+        do step = 0, temperatures - 1
+          associate (t => lowest + (highest - lowest)*step/(temperatures - 1))
+            call content%law(k)%factors(t, f, unused)
+            call content%law(j)%factors(t, other, unused)
+          end associate
+          if (abs(f - other) <= rounding*f) cycle
+          call raise(error, status_bad_input, this%materials%list(k)%place// &
+                     ': materials that touch must depend on T by the same factor, as 1+T/100 '// &
+                     'and 20*(1+T/100) do; give both that factor, or leave T out of both.')
+          return
+        end do
+      end do
+    end do
+  end subroutine require_one_factor
+
+  pure function reaches_across(this, operator, row) result(answer)
     class(scene_materials_t), intent(in) :: this
     type(sparse_operator_t), intent(in) :: operator
     integer, intent(in) :: row
     logical :: answer
 
-    associate (own => this%flow%material(operator%target(row)))
-      answer = .not. this%materials%list(own)%isotropic .or. &
-               any(this%flow%material(operator%index(operator%first(row): &
-                                                     operator%first(row + 1) - 1)) /= own)
-    end associate
-  end function needs_own_rows
+    answer = any(this%flow%material(operator%index(operator%first(row):operator%first(row + 1) - &
+                                                   1)) /= this%flow%material(operator%target(row)))
+  end function reaches_across
 
   !> a_ij ← a_ij (κ_i + κ_j)/2
   pure subroutine scale_rows(operator, conductivity, left_out)

@@ -323,10 +323,6 @@ contains
       call require_latent_heat(group, error)
       if (allocated(error)) return
       scene%melts = scene%melts .or. group%has('latent_heat')
-      if (scene%uniform_material .or. .not. group%has('latent_heat')) cycle
-      call raise_at(error, group, 'latent_heat', 'only a body of one constant isotropic '// &
-                    'material can melt; remove latent_heat, or what varies.')
-      return
     end do
     call file%group('initial', group)
     call get(group, 'temperature', scene%initial_temperature, error, default=0.0_wp)

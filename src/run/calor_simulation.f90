@@ -8,6 +8,7 @@ module calor_simulation
   use calor_error, only: error_t, raise, status_bad_input, status_bad_numbers
   use calor_evolution, only: evolution_t
   use calor_expression, only: expression_t, compile_expression
+  use calor_heat_content, only: heat_content_t
   use calor_heat_budget, only: heat_budget_t, budget_entry_t
   use calor_initial_jumps, only: find_jump_errors
   use calor_integrators, only: make_integrator
@@ -115,6 +116,9 @@ module calor_simulation
     procedure :: estimated_error
     !> Estimate of the largest error of a temperature, K
     procedure :: estimated_maximum_error
+    !> Estimate of the error of each temperature, K
+    procedure :: error_estimate
+    procedure, private :: temperature_slope
     procedure, private :: prepare_estimate
     !> How much of each particle is liquid, from 0 to 1
     procedure :: liquid_fraction
@@ -189,7 +193,7 @@ contains
     call make_scene_evolution(scene, this%cloud, scene_method(scene), this%temperature, &
                               this%conduction, rows, error, this%stopwatch, further)
     if (allocated(error)) return
-    if (this%conduction%mapping > 0) then
+    if (allocated(this%conduction%content)) then
       allocate (this%content(size(this%temperature)))
       call this%conduction%find_state(this%temperature, this%content)
     end if
@@ -255,7 +259,7 @@ contains
       call this%note_budget()
       if (allocated(this%estimate)) then
         call file%write_state(this%time, this%temperature, this%exact, file_error, &
-                              this%liquid_fraction(), this%estimate%error)
+                              this%liquid_fraction(), this%error_estimate())
       else
         call file%write_state(this%time, this%temperature, this%exact, file_error, &
                               this%liquid_fraction())
@@ -338,20 +342,18 @@ contains
     !> There is none, or it was not found
     type(error_t), allocatable, intent(out) :: error
     real(wp) :: tolerance
-    integer :: mapping
 
     call this%stopwatch%start('steady state')
     ! Where nothing changes any more, heat contents do not matter.
-    mapping = this%conduction%mapping
-    this%conduction%mapping = 0
+    if (allocated(this%conduction%content)) this%conduction%content%steady = .true.
     tolerance = default_tolerance
     if (this%scene%time%tolerance > 0) tolerance = this%scene%time%tolerance
     call find_steady_state(this%conduction, this%scene%time%place, &
                            tolerance*this%conduction%temperature_scale(), this%temperature, &
                            this%newton_steps, error)
-    this%conduction%mapping = mapping
+    if (allocated(this%conduction%content)) this%conduction%content%steady = .false.
     if (allocated(error)) return
-    if (mapping > 0) call this%conduction%find_state(this%temperature, this%content)
+    if (allocated(this%content)) call this%conduction%find_state(this%temperature, this%content)
     call this%budget%close_exactly(this%conduction)
     if (allocated(this%estimate)) then
       call this%stopwatch%start('error estimate')
@@ -368,6 +370,7 @@ contains
 
       select type (reference)
       type is (conduction_t)
+        if (allocated(reference%content)) reference%content%steady = .true.
         this%estimate%error = this%temperature
         call find_steady_state(reference, this%scene%time%place, &
                                tolerance*this%conduction%temperature_scale(), &
@@ -425,23 +428,33 @@ contains
     !> The numbers went wrong; time and temperature are those of the last good state
     type(error_t), allocatable, intent(out) :: error
 
-    call this%stopwatch%start('steps')
     if (allocated(this%content)) then
-      call this%stepper%advance_to(this%conduction, this%time, time, this%content, error)
+      call advance(this%content)
       call this%conduction%find_temperature(this%content, this%temperature)
-      call this%stopwatch%stop()
-    else if (allocated(this%estimate)) then
-      call this%stepper%advance_to(this%conduction, this%time, time, this%temperature, error, &
-                                   watcher=this%estimate)
-      if (.not. allocated(error)) then
-        call this%estimate%catch_up(this%conduction, this%time, this%temperature, error)
-      end if
-      call this%stopwatch%stop()
-      call this%stopwatch%take_over(this%estimate%stopwatch, 'steps')
     else
-      call this%stepper%advance_to(this%conduction, this%time, time, this%temperature, error)
-      call this%stopwatch%stop()
+      call advance(this%temperature)
     end if
+
+  contains
+
+    subroutine advance(state)
+      real(wp), intent(inout) :: state(:)
+
+      call this%stopwatch%start('steps')
+      if (allocated(this%estimate)) then
+        call this%stepper%advance_to(this%conduction, this%time, time, state, error, &
+                                     watcher=this%estimate)
+        if (.not. allocated(error)) then
+          call this%estimate%catch_up(this%conduction, this%time, state, error)
+        end if
+        call this%stopwatch%stop()
+        call this%stopwatch%take_over(this%estimate%stopwatch, 'steps')
+      else
+        call this%stepper%advance_to(this%conduction, this%time, time, state, error)
+        call this%stopwatch%stop()
+      end if
+    end subroutine advance
+
   end subroutine advance_to
 
   !> The unknowns: heat contents where they are kept, temperatures elsewhere.
@@ -489,23 +502,47 @@ contains
     if (norm > 0) deviation = deviation/norm
   end function relative_l2_error
 
-  pure function estimated_error(this) result(deviation)
+  !> The error of each temperature: what is carried along is that of the unknown.
+  function error_estimate(this) result(deviation)
+    class(simulation_t), intent(in) :: this
+    real(wp), allocatable :: deviation(:)
+
+    deviation = this%estimate%error
+    ! A steady state is found in terms of the temperature.
+    if (allocated(this%content) .and. .not. this%scene%time%steady) then
+      deviation = this%temperature_slope()*deviation
+    end if
+  end function error_estimate
+
+  !> dT/dv of the present heat contents
+  function temperature_slope(this) result(slope)
+    class(simulation_t), intent(in) :: this
+    real(wp), allocatable :: slope(:)
+    type(heat_content_t) :: laws
+    real(wp), allocatable :: unused(:)
+
+    allocate (slope(size(this%content)), unused(size(this%content)))
+    laws = this%conduction%content
+    call laws%slopes(this%content, slope, unused)
+  end function temperature_slope
+
+  function estimated_error(this) result(deviation)
     class(simulation_t), intent(in) :: this
     real(wp) :: deviation
     real(wp) :: norm
 
-    associate (area => this%cloud%area, e => this%estimate%error)
+    associate (area => this%cloud%area, e => this%error_estimate())
       norm = sqrt(sum(area*(this%temperature + e)**2))
       deviation = sqrt(sum(area*e**2))
       if (norm > 0) deviation = deviation/norm
     end associate
   end function estimated_error
 
-  pure function estimated_maximum_error(this) result(largest)
+  function estimated_maximum_error(this) result(largest)
     class(simulation_t), intent(in) :: this
     real(wp) :: largest
 
-    largest = maxval(abs(this%estimate%error))
+    largest = maxval(abs(this%error_estimate()))
   end function estimated_maximum_error
 
   !> The same problem by a scheme of higher order, with which the error is carried along.
@@ -537,7 +574,7 @@ contains
                               rows, error, further=further)
     if (allocated(error)) return
     allocate (this%estimate)
-    call this%estimate%begin(this%conduction, reference, this%time, this%temperature, &
+    call this%estimate%begin(this%conduction, reference, this%time, this%state(), &
                              reference%spectral_bound())
     ! A user's cloud comes without the body that it fills: what its cells are is not known.
     if (scene%initial_expression == '' .or. scene%domain%shape == 'cloud') return
@@ -547,6 +584,9 @@ contains
     if (allocated(error)) return
     call find_jump_errors(initial, this%cloud, body, this%estimate%error)
     call this%conduction%clear_prescribed(this%estimate%error)
+    ! What is carried along is the error of the unknown.
+    if (.not. allocated(this%content)) return
+    this%estimate%error = this%estimate%error/this%temperature_slope()
   end subroutine prepare_estimate
 
   !> The temperature at the start, but for held walls, and the true temperature if it is known.

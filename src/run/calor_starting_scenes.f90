@@ -86,7 +86,7 @@ module calor_starting_scenes
       ]
 
   character(len=width), parameter :: disc(*) = [character(len=width) :: &
-      '! A glowing disc of steel, 10 cm across, radiates into a cold room. Temperatures in kelvin.', &
+      '! A glowing disc of steel, 10 cm across, radiates into a room. All temperatures in K.', &
       '', &
       '&scene     title = ''@'' /', &
       '', &
@@ -166,7 +166,7 @@ module calor_starting_scenes
       '           where_expression = ''abs(x - 0.0035) < 0.0005 && y > 0.0004'' /', &
       '', &
       '&boundary  on = ''all''     kind = ''insulated'' /', &
-      '&boundary  on = ''bottom''  kind = ''convection''  coefficient = 20000.0  ambient = 293.15 /', &
+      '&boundary  on = ''bottom''  kind = ''convection''  coefficient = 2e4  ambient = 293.15 /', &
       '', &
       '&time      end = 0.04  tolerance = 1.0e-4 /', &
       '', &

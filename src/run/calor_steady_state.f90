@@ -37,8 +37,12 @@ contains
     real(wp), allocatable :: value(:), rate(:), change(:), guess(:)
     real(wp) :: before, part, largest
     integer :: halvings
-    logical :: done
+    logical :: done, is_nonlinear
 
+    is_nonlinear = allocated(conduction%slope)
+    if (allocated(conduction%content)) then
+      is_nonlinear = is_nonlinear .or. conduction%content%conducts()
+    end if
     call conduction%linearise(0.0_wp, temperature)
     call require_hold(conduction, place, error)
     if (allocated(error)) return
@@ -61,7 +65,7 @@ contains
         guess = temperature + part*change
         call conduction%rate(0.0_wp, guess, rate)
         ! A linear problem is solved by one whole step, whatever rounding leaves.
-        if (root_mean_square(rate) <= before .or. .not. allocated(conduction%slope)) exit
+        if (root_mean_square(rate) <= before .or. .not. is_nonlinear) exit
         part = 0.5_wp*part
       end do
       temperature = guess
@@ -105,9 +109,13 @@ contains
     integer, allocatable, intent(out) :: first(:), index(:)
     real(wp), allocatable, intent(out) :: value(:)
     integer, allocatable :: owner(:)
+    !> dθ/dT
+    real(wp), allocatable :: growth(:)
     integer :: n, k, row, used, from, to
 
     n = conduction%unknowns()
+    allocate (growth(n), source=1.0_wp)
+    if (allocated(conduction%potential_slope)) growth = conduction%potential_slope
     associate (laplacian => conduction%laplacian)
       allocate (owner(n), source=0)
       owner(laplacian%target) = [(k, k=1, laplacian%rows())]
@@ -119,12 +127,13 @@ contains
         index(used) = row
         value(used) = -1
         if (owner(row) == 0) cycle
-        value(used) = conduction%diffusivity*laplacian%diagonal(owner(row))
+        value(used) = conduction%diffusivity*laplacian%diagonal(owner(row))*growth(row)
         if (allocated(conduction%slope)) value(used) = value(used) + conduction%slope(row)
         from = int(laplacian%first(owner(row)))
         to = int(laplacian%first(owner(row) + 1)) - 1
         index(used + 1:used + to - from + 1) = laplacian%index(from:to)
-        value(used + 1:used + to - from + 1) = conduction%diffusivity*laplacian%weight(from:to)
+        value(used + 1:used + to - from + 1) = conduction%diffusivity*laplacian%weight(from:to)* &
+                                               growth(laplacian%index(from:to))
         used = used + to - from + 1
       end do
       first(n + 1) = used + 1

@@ -1,14 +1,14 @@
 !> Reach a wanted error as cheaply as possible: `&accuracy target`.
 !>
-!> Two short pilot runs on a coarse cloud, of second and of fourth order, show what errors these make
-!> there and what they cost. Errors go with the power of the spacing that a scheme's order tells (or
-!> two runs of it show). What sixth and eighth order would make is foreseen from the ratio of the
-!> pilots' errors: as the errors of orders 2 and 4 are like C (Δ/L)² and C (Δ/L)⁴, L being the
-!> length over which the field varies, those of orders 6 and 8 are like C (Δ/L)⁶ and C (Δ/L)⁸. (A
-!> pilot run of theirs would tell less: on a coarse cloud their stencils span the body.) Costs go
-!> with the number of particles, of neighbours and of evaluations. The cheapest combination foreseen
-!> is run with its error carried along; where the estimate is above the target, what was learned
-!> goes into another choice.
+!> Two short pilot runs on a coarse cloud, of second and of fourth order, show what errors these
+!> make there and what they cost. Errors go with the power of the spacing that a scheme's order
+!> tells (or two runs of it show). What sixth and eighth order would make is foreseen from the
+!> ratio of the pilots' errors: as the errors of orders 2 and 4 are like C (Δ/L)² and C (Δ/L)⁴, L
+!> being the length over which the field varies, those of orders 6 and 8 are like C (Δ/L)⁶ and C
+!> (Δ/L)⁸. (A pilot run of theirs would tell less: on a coarse cloud their stencils span the body.)
+!> Costs go with the number of particles, of neighbours and of evaluations. The cheapest
+!> combination foreseen is run with its error carried along; where the estimate is above the
+!> target, what was learned goes into another choice.
 module calor_accuracy_target
   use calor_error, only: error_t, raise, status_bad_input, status_bad_numbers
   use calor_integrators, only: make_integrator
@@ -281,7 +281,7 @@ contains
       if (.not. scene%time%steady) then
         attempt%evaluations = simulation%stepper%integrator%evaluations
       end if
-      norm = root_mean_square(simulation%temperature + simulation%estimate%error)
+      norm = root_mean_square(simulation%temperature + simulation%error_estimate())
       attempt%time_error = simulation%stepper%accumulated_error/max(norm, tiny(1.0_wp))
       attempt%step_seconds = 0
       attempt%scheme_seconds = 0

@@ -156,6 +156,8 @@ contains
         end if
         files%ending = text_list([ending])
         files%stem = files%stem(:dot - 1)
+      case default
+        continue
       end select
     end if
     do k = 1, size(files%ending)

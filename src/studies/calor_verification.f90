@@ -1,6 +1,6 @@
 !> Scenes with known answers: what each should give, and what it gives.
 module calor_verification
-  use calor_error, only: error_t
+  use calor_error, only: error_t, raise, status_bad_input
   use calor_kinds, only: wp
   use calor_rosenthal, only: rosenthal_temperature
   use calor_scene, only: scene_t
@@ -13,9 +13,10 @@ module calor_verification
 
   !> What is compared: the relative L2 error against the scene's exact_expression, the temperature
   !> of the particle nearest to a place, the relative imbalance of the heat budget, how much of the
-  !> body's length is liquid, or the relative L2 error against Rosenthal's moving source
+  !> body's length is liquid, or the relative L2 error against Rosenthal's moving source or against
+  !> a table of x and the temperature beside the scene
   integer, parameter :: error_of_field = 1, temperature_at = 2, imbalance = 3, melted_length = 4, &
-                        error_of_source = 5
+                        error_of_source = 5, error_of_table = 6
 
   !> The moving source of rosenthal.nml: where it starts, m, its power, W/m, and its speed, m/s
   real(wp), parameter :: source_start = 0.2_wp, source_power = 1.0_wp, source_speed = 40.0_wp
@@ -65,6 +66,16 @@ module calor_verification
                           error_of_field, 0.0_wp, 2.0e-3_wp), &
       verification_case_t('anisotropic_1000', 'anisotropic 1:1000 at 30 deg, relative L2 error', &
                           error_of_field, 0.0_wp, 1.0e-3_wp), &
+      verification_case_t('two_slabs_transient_10', 'two slabs 1:10, fine 1D, relative error', &
+                          error_of_table, 0.0_wp, 1.0e-3_wp), &
+      verification_case_t('two_slabs_transient_1000', 'two slabs 1:1000, fine 1D, relative error', &
+                          error_of_table, 0.0_wp, 1.0e-3_wp), &
+      verification_case_t('kirchhoff_slab', 'conductivity 1 + T, slab, relative L2 error', &
+                          error_of_field, 0.0_wp, 1.0e-10_wp), &
+      verification_case_t('kirchhoff_plate', 'conductivity 1 + T, plate, relative L2 error', &
+                          error_of_field, 0.0_wp, 1.0e-4_wp), &
+      verification_case_t('kirchhoff_decay', 'capacity too, in time, relative L2 error', &
+                          error_of_field, 0.0_wp, 5.0e-3_wp), &
       verification_case_t('l_shape', 'L, steady, relative imbalance of the heat budget', &
                           imbalance, 0.0_wp, 1.0e-6_wp), &
       verification_case_t('stefan_0_1', 'Stefan number 0.1, similarity solution, front, m', &
@@ -117,10 +128,55 @@ contains
       end associate
     case (error_of_source)
       found = source_error(simulation)
+    case (error_of_table)
+      call find_table_error('data/verification/'//trim(this%file)//'.csv', simulation, found, error)
     case default
       found = simulation%relative_l2_error()
     end select
   end subroutine run_case
+
+  !> Relative L2 error against a temperature that depends on x only, tabulated at equal distances.
+  subroutine find_table_error(path, simulation, deviation, error)
+    character(len=*), intent(in) :: path
+    type(simulation_t), intent(in) :: simulation
+    real(wp), intent(out) :: deviation
+    type(error_t), allocatable, intent(out) :: error
+    real(wp), allocatable :: table(:, :), exact(:)
+    real(wp) :: row(2)
+    integer :: k, unit, status
+
+    deviation = 0
+    open (newunit=unit, file=path, action='read', status='old', iostat=status)
+    if (status /= 0) then
+      call raise(error, status_bad_input, 'there is no file '//path//' that can be read.')
+      return
+    end if
+    allocate (table(2, 0))
+    ! The first line is a heading.
+    read (unit, *, iostat=status)
+    do while (status == 0)
+      read (unit, *, iostat=status) row
+      if (status /= 0) exit
+      table = reshape([table, row], [2, size(table, 2) + 1])
+    end do
+    close (unit)
+    if (size(table, 2) < 2) then
+      call raise(error, status_bad_input, path//' has no two lines of two numbers.')
+      return
+    end if
+    associate (cloud => simulation%cloud, n => size(table, 2), step => table(1, 2) - table(1, 1))
+      exact = cloud%x
+      do k = 1, size(exact)
+        associate (place => (cloud%x(k) - table(1, 1))/step)
+          associate (node => min(n - 1, 1 + int(max(place, 0.0_wp))))
+            exact(k) = table(2, node) + (place - (node - 1))*(table(2, node + 1) - table(2, node))
+          end associate
+        end associate
+      end do
+      deviation = sqrt(sum(cloud%area*(simulation%temperature - exact)**2)/ &
+                       sum(cloud%area*exact**2))
+    end associate
+  end subroutine find_table_error
 
   !> Relative L2 error against Rosenthal's solution, around the source but not at it.
   pure function source_error(simulation) result(deviation)

@@ -143,6 +143,7 @@ contains
     end do
     !$omp end parallel do
     size_of_defect = root_mean_square(this%defect)
+    call this%reference%linearise(time, u)
     this%transport%base => this%reference
     this%transport%time = this%time
     this%stepper%tolerance = relative_tolerance*max(root_mean_square(this%error), &

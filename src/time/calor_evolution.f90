@@ -17,6 +17,8 @@ module calor_evolution
     procedure(rate_interface), deferred :: rate
     !> (∂F/∂u) v; v is 0 at prescribed entries
     procedure(jacobian_interface), deferred :: jacobian_product
+    !> Take ∂F/∂u at a state for it from now on; without this it is on the safe side
+    procedure :: linearise
     !> Put the prescribed values of a time into u
     procedure(impose_interface), deferred :: impose
     !> Put 0 into the prescribed entries of a vector
@@ -85,5 +87,19 @@ module calor_evolution
       type(error_t), allocatable, intent(out) :: error
     end subroutine inspect_interface
   end interface
+
+contains
+
+  !> Nothing to do where ∂F/∂u is the same at all states.
+  subroutine linearise(this, time, u)
+    class(evolution_t), intent(inout) :: this
+    !> Time, s
+    real(wp), intent(in) :: time
+    !> State
+    real(wp), intent(in) :: u(:)
+
+    associate (unused => this, also => time, and => u)
+    end associate
+  end subroutine linearise
 
 end module calor_evolution

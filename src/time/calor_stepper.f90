@@ -129,7 +129,8 @@ contains
       this%finite = ieee_is_finite(local_error)
       if (this%finite) then
         ! The local error of the second-order method goes with the third power of the step.
-        factor = 0.9_wp*(this%tolerance/max(local_error, tiny(1.0_wp)))**(1.0_wp/3)
+        ! It grows by 3 at most, so that what is smaller still need not be told apart.
+        factor = 0.9_wp*(this%tolerance/max(local_error, 1.0e-3_wp*this%tolerance))**(1.0_wp/3)
       else
         local_error = huge(local_error)
       end if
