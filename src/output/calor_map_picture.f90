@@ -85,13 +85,13 @@ contains
     layout%map_width = max(layout%map_width, thinnest*unit)
     layout%map_height = max(layout%map_height, thinnest*unit)
     layout%bar_below = aspect > flat
-    layout%left = 6*unit
+    layout%left = 8*unit
     layout%top = nint((1.2_wp + 1.7_wp*lines_of_title)*unit)
     layout%bottom = 4*unit
     layout%right = 8*unit
     if (layout%bar_below) then
       layout%right = 3*unit
-      layout%bottom = 9*unit
+      layout%bottom = nint(10.5_wp*unit)
     end if
     ! The title of a narrow map needs room too.
     room = least_width*unit - layout%left - layout%right - layout%map_width
