@@ -7,7 +7,10 @@
 
 .DEFAULT_GOAL := build
 .NOTPARALLEL:
-.PHONY: help build run test test-checked examples lint format pictures hard-cases cost documents \
+# Where `make install` puts things.
+PREFIX ?= /usr/local
+
+.PHONY: help build run install test test-checked examples lint format pictures hard-cases cost documents \
   steppers verification absent-effects bench fuzz set-up clean distclean
 SHELL := /bin/bash
 
@@ -46,6 +49,12 @@ build: set-up ## the program, at bin/calor (installs what is missing; the defaul
 
 run: build ## build, and run the heat problem data/plate.nml
 	$(BIN)/calor run data/plate.nml
+
+install: build ## the program, its manual page and completion under PREFIX (/usr/local)
+	install -D -m 755 $(BIN)/calor $(DESTDIR)$(PREFIX)/bin/calor
+	install -d $(DESTDIR)$(PREFIX)/share/man/man1 $(DESTDIR)$(PREFIX)/share/bash-completion/completions
+	$(BIN)/calor manual >$(DESTDIR)$(PREFIX)/share/man/man1/calor.1
+	$(BIN)/calor completion >$(DESTDIR)$(PREFIX)/share/bash-completion/completions/calor
 
 examples: set-up ## the programs of example/, in build/examples
 	@tools/drop_stale.sh

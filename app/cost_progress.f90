@@ -1,6 +1,6 @@
 !> How far a comparison of costs is: a bar with the remaining time where a terminal shows it.
 module cost_progress
-  use calor, only: cost_observer_t, cost_study_t, to_text, wp
+  use calor, only: bar, cost_observer_t, cost_study_t, duration_text, to_text, wp
   use terminal, only: say_in_place
   implicit none (type, external)
   private
@@ -21,7 +21,7 @@ contains
     type(cost_study_t), intent(in) :: study
     integer, intent(in) :: entry
     character(len=:), allocatable :: line
-    integer :: done, all, filled
+    integer :: done, all
 
     associate (unused => this)
     end associate
@@ -30,8 +30,7 @@ contains
       call say_in_place('')
       return
     end if
-    filled = (bar_width*done)/max(1, all)
-    line = '['//repeat('#', filled)//repeat('.', bar_width - filled)//'] '//to_text(done)//'/'// &
+    line = '['//bar(real(done, wp)/max(1, all), bar_width, '.')//'] '//to_text(done)//'/'// &
            to_text(all)
     if (entry > 0) then
       associate (next => study%entries(entry))
@@ -40,20 +39,8 @@ contains
     else
       line = line//'  solution to compare with'
     end if
-    if (study%remaining() >= 0) line = line//', about '//duration(study%remaining())//' left'
+    if (study%remaining() >= 0) line = line//', about '//duration_text(study%remaining())//' left'
     call say_in_place(line(:min(len(line), 79)))
   end subroutine progressed
-
-  !> '45 s' or '3 min 20 s'
-  pure function duration(seconds) result(text)
-    real(wp), intent(in) :: seconds
-    character(len=:), allocatable :: text
-
-    if (seconds < 90) then
-      text = to_text(nint(seconds))//' s'
-    else
-      text = to_text(int(seconds)/60)//' min '//to_text(mod(int(seconds), 60))//' s'
-    end if
-  end function duration
 
 end module cost_progress

@@ -4,32 +4,26 @@
 program main
   use, intrinsic :: iso_fortran_env, only: error_unit
   use calor, only: error_t, raise, status_done, status_bad_input, status_bad_file, text_t, &
-                   text_list, to_text, suggestion, choice_t, choice_names, version, scene_t, &
-                       read_scene, simulation_t, cost_study_t, describe_costs, &
-                   watch_for_interrupt, &
+                   to_text, version, scene_t, &
+                   read_scene, simulation_t, cost_study_t, describe_costs, &
+                   watch_for_interrupt, plot_request_t, plot_file, &
                    operator_study_t, target_search_t, describe_plan, describe_result, &
-                       describe_derivatives, &
-                   write_new_scene, contract_help, contract_groups, kernel_choices, &
-                   laplacian_choices, gradient_choices, integrator_choices, arrangement_choices, &
-                   shape_choices, skip_hdf5_cleanup, ignore_file_size_signal, &
+                   describe_derivatives, describe_schemes, describe_effects, &
+                   write_new_scene, describe_starting_scenes, &
+                   skip_hdf5_cleanup, ignore_file_size_signal, &
                    convergence_study_t, describe_convergence, check_convergence_files, &
-                   write_convergence, draw_convergence, convergence_table_file, convergence_pictures
+                   write_convergence, draw_convergence, convergence_table_file, &
+                   convergence_pictures
+  use command_call, only: call_t, read_call
+  use completion, only: completion_script
   use convergence_progress, only: convergence_progress_t
   use cost_progress, only: cost_progress_t
+  use help, only: overview, command_help
+  use manual, only: manual_page
   use run_progress, only: run_progress_t
   use search_progress, only: search_progress_t
   use terminal, only: say, say_in_place, everything_said
   implicit none (type, external)
-
-  !> What a user may ask for
-  type(choice_t), parameter :: commands(*) = [ &
-      choice_t('run', 'simulate a scene and write its fields'), &
-      choice_t('check', 'say what a scene would simulate, and check it, without running it'), &
-      choice_t('operators', 'evaluate derivative schemes on a scene''s cloud'), &
-      choice_t('convergence', 'measure how derivative schemes converge, against theory'), &
-      choice_t('cost', 'compare schemes by accuracy and wall time'), &
-      choice_t('new', 'write a commented scene to start from') &
-      ]
 
   interface
     !> Ends the program with a status and without a further word
@@ -66,76 +60,89 @@ contains
 
   subroutine dispatch(error)
     type(error_t), allocatable, intent(out) :: error
-    character(len=:), allocatable :: command
+    type(call_t) :: asked
 
-    command = argument(1)
-    select case (command)
-    case ('', '-h', '--help', 'help')
-      call show_help(error)
-    case ('-V', '--version', 'version')
+    call read_call(asked, error)
+    if (allocated(error)) return
+    if (asked%wants_help) then
+      if (asked%command == '') then
+        call say_lines(overview())
+      else
+        call say_lines(command_help(asked%command))
+      end if
+      return
+    end if
+    select case (asked%command)
+    case ('version')
       call say('calor '//version)
-    case ('run', 'check', 'operators', 'convergence', 'cost', 'new')
-      if (any_help()) then
-        call show_command_help(command)
-      else
-        call check_arguments(command, error)
-        if (allocated(error)) return
-        select case (command)
-        case ('run')
-          call run(argument(2), error)
-        case ('check')
-          call check(argument(2), error)
-        case ('operators')
-          call operators(argument(2), error)
-        case ('convergence')
-          call convergence(argument(2), error)
-        case ('cost')
-          call cost(argument(2), error)
-        case default
-          call new(argument(2), error)
-        end select
-      end if
+    case ('run')
+      call run(asked, error)
+    case ('check')
+      call check(asked%word(1), error)
+    case ('plot')
+      call plot(asked, error)
+    case ('operators')
+      call operators(asked%word(1), error)
+    case ('convergence')
+      call convergence(asked%word(1), error)
+    case ('cost')
+      call cost(asked%word(1), error)
+    case ('new')
+      call new(asked, error)
+    case ('schemes')
+      call say_about(describe_schemes, asked%word(1), error)
+    case ('effects')
+      call say_about(describe_effects, asked%word(1), error)
+    case ('completion')
+      call say_lines(completion_script())
     case default
-      if (index(command, '-') == 1) then
-        call raise(error, status_bad_input, 'There is no option '''//command//'''.'// &
-                   suggestion(command, text_list(['--help   ', '--version']))//' See calor --help.')
-      else
-        call raise(error, status_bad_input, 'There is no command '''//command//'''.'// &
-                   suggestion(command, choice_names(commands))//' See calor --help.')
-      end if
+      call say_lines(manual_page())
     end select
   end subroutine dispatch
 
-  subroutine run(path, error)
-    character(len=*), intent(in) :: path
+  subroutine run(asked, error)
+    type(call_t), intent(in) :: asked
     type(error_t), allocatable, intent(out) :: error
     type(scene_t) :: scene
     type(simulation_t) :: simulation
     type(run_progress_t) :: progress
+    logical :: quiet
 
-    call read_scene(path, scene, error)
+    quiet = asked%has('--quiet')
+    if (quiet .and. asked%has('--verbose')) then
+      call raise(error, status_bad_input, 'A run is either --quiet or --verbose, not both.')
+      return
+    end if
+    call read_scene(asked%word(1), scene, error)
     if (allocated(error)) return
     if (scene%accuracy%target > 0) then
-      call run_to_target(scene, error)
+      call run_to_target(scene, quiet, error)
       return
     end if
     call simulation%prepare(scene, error)
     if (allocated(error)) return
-    call say_lines(describe_plan(simulation))
-    call say('')
+    if (.not. quiet) call say_lines(describe_plan(simulation))
+    if (.not. quiet) call say('')
+    said = everything_said()
+    call progress%begin(scene%time%end, quiet, asked%has('--verbose'))
     call simulation%run(error, progress)
-    if (allocated(error)) return
-    call say('')
+    call progress%finish()
+    if (allocated(error) .or. quiet) return
     call say_lines(describe_result(simulation))
   end subroutine run
 
   !> The program chooses scheme, order, spacing and steps.
-  subroutine run_to_target(scene, error)
+  subroutine run_to_target(scene, quiet, error)
     type(scene_t), intent(in) :: scene
+    logical, intent(in) :: quiet
     type(error_t), allocatable, intent(out) :: error
     type(target_search_t) :: search
     type(search_progress_t) :: progress
 
+    if (quiet) then
+      call search%reach(scene, error)
+      return
+    end if
     call say('Looking for the cheapest way to a relative error of '// &
              to_text(scene%accuracy%target, digits=3)//':')
     call search%reach(scene, error, progress)
@@ -160,6 +167,44 @@ contains
     call say_lines(describe_plan(simulation))
     call simulation%certify(error)
   end subroutine check
+
+  subroutine plot(asked, error)
+    type(call_t), intent(in) :: asked
+    type(error_t), allocatable, intent(out) :: error
+    type(plot_request_t) :: request
+    type(text_t), allocatable :: written(:)
+    integer :: status
+
+    request%path = asked%word(1)
+    request%field = asked%option_value('--field')
+    request%output = asked%option_value('--output')
+    request%animate = asked%has('--animate')
+    if (asked%has('--time')) then
+      read (asked%value(position_of(asked, '--time'))%value, *, iostat=status) request%time
+      if (status /= 0 .or. .not. request%time >= 0) then
+        call raise(error, status_bad_input, '--time '//asked%option_value('--time')// &
+                   ' is no time: give a number of seconds, 0 or more.')
+        return
+      end if
+      if (request%animate) then
+        call raise(error, status_bad_input, 'A picture is either of one --time or, by '// &
+                   '--animate, of all.')
+        return
+      end if
+    end if
+    call plot_file(request, written, error)
+    if (allocated(written)) call say_lines(written)
+  end subroutine plot
+
+  pure function position_of(asked, name) result(position)
+    type(call_t), intent(in) :: asked
+    character(len=*), intent(in) :: name
+    integer :: position
+
+    do position = size(asked%option), 1, -1
+      if (asked%option(position)%value == name) return
+    end do
+  end function position_of
 
   subroutine operators(path, error)
     character(len=*), intent(in) :: path
@@ -204,7 +249,7 @@ contains
 
     call check_convergence_files(error)
     if (allocated(error)) return
-    if (command_argument_count() > 1) then
+    if (path /= '') then
       call read_scene(path, scene, error)
       if (.not. allocated(error)) call study%evaluate(error, scene, watcher=progress)
     else
@@ -224,166 +269,46 @@ contains
     end do
   end subroutine convergence
 
-  subroutine new(name, error)
-    character(len=*), intent(in) :: name
+  subroutine new(asked, error)
+    type(call_t), intent(in) :: asked
     type(error_t), allocatable, intent(out) :: error
-    character(len=:), allocatable :: path
-
-    call write_new_scene(name, path, error)
-    if (allocated(error)) return
-    call say(path//' is ready. Run it by: calor run '//path)
-  end subroutine new
-
-  subroutine show_help(error)
-    type(error_t), allocatable, intent(out) :: error
+    type(text_t), allocatable :: written(:)
     integer :: k
 
-    if (argument(2) /= '' .and. argument(1) == 'help') then
-      do k = 1, size(commands)
-        if (commands(k)%name == argument(2)) then
-          call show_command_help(argument(2))
-          return
-        end if
-      end do
-      call raise(error, status_bad_input, 'There is no command '''//argument(2)//'''.'// &
-                 suggestion(argument(2), choice_names(commands)))
+    if (size(asked%argument) == 0) then
+      call say_lines(describe_starting_scenes())
       return
     end if
-    call say('calor '//version//': heat conduction on particles, with known accuracy')
-    call say('')
-    call say('Usage:')
-    do k = 1, size(commands)
-      call say('  calor '//commands(k)%name(1:12)//place_holder(trim(commands(k)%name))//'  '// &
-               trim(commands(k)%summary))
-    end do
-    call say('  calor COMMAND --help    more about a command')
-    call say('  calor --version')
-    call say('')
-    call say('A scene is a Fortran namelist file; ''calor new plate'' writes one to start from.')
-    call say('Exit status: 0 done, 2 the input is wrong, 3 the numbers went wrong,')
-    call say('4 a file could not be read or written.')
-  end subroutine show_help
-
-  subroutine show_command_help(command)
-    character(len=*), intent(in) :: command
-    integer :: k
-
-    do k = 1, size(commands)
-      if (commands(k)%name == command) then
-        call say('calor '//command//' '//trim(place_holder(command))//': '// &
-                 trim(commands(k)%summary))
-      end if
-    end do
-    call say('')
-    select case (command)
-    case ('run', 'check')
-      call say('SCENE is a namelist file of these groups and keys:')
-      call show_groups(contract_groups())
-      call show_choices('&domain shape', shape_choices)
-      call show_choices('&domain arrangement', arrangement_choices)
-      call show_choices('&kernel name', kernel_choices)
-      call show_choices('&scheme laplacian', laplacian_choices)
-      call show_choices('&time method', integrator_choices)
-    case ('operators')
-      call say('SCENE is a namelist file with these groups and keys:')
-      call show_groups(text_list([character(len=9) :: 'operators', 'domain', 'kernel']))
-      call show_choices('&kernel name', kernel_choices)
-      call show_choices('&operators gradients', gradient_choices)
-      call show_choices('&operators laplacians', laplacian_choices)
-    case ('convergence')
-      call say('Refines lattices and irregular clouds in three ways and writes convergence.csv,')
-      call say('convergence.svg and convergence.png into the current folder. Takes some seconds.')
-      call say('SCENE, a namelist file, may say what is refined: &domain (its spacing is the')
-      call say('coarsest, a 16th of it the finest), &kernel, and in &operators field and schemes.')
-      call show_groups(text_list([character(len=9) :: 'domain', 'kernel', 'operators']))
-      call show_choices('&kernel name', kernel_choices)
-    case ('cost')
-      call say('Runs SCENE with several schemes, spacings and supports, and reports error, wall')
-      call say('time by phase and memory of each: a table, a file (CSV) and pictures (SVG, PNG).')
-      call say('Time steps are as long as they may be without spoiling the error. Without a group')
-      call say('&cost all schemes are compared at 4, 2, 1 and 1/2 times the scene''s spacing.')
-      call say('Ctrl-C ends it early and keeps what was measured. Beside what run needs:')
-      call show_groups(text_list([character(len=6) :: 'cost', 'domain', 'kernel', 'time']))
-      call show_choices('&cost laplacians', laplacian_choices)
-    case default
-      call say('Writes NAME.nml, a small plate with every key explained. An existing file is left')
-      call say('alone.')
-    end select
-  end subroutine show_command_help
-
-  subroutine show_groups(groups)
-    type(text_t), intent(in) :: groups(:)
-    integer :: k
-
-    do k = 1, size(groups)
-      call say('')
-      call say(contract_help(groups(k)%value))
-    end do
-  end subroutine show_groups
-
-  !> What may be given for a key.
-  subroutine show_choices(key, choices)
-    character(len=*), intent(in) :: key
-    type(choice_t), intent(in) :: choices(:)
-    integer :: k
-
-    call say('')
-    call say(key//':')
-    do k = 1, size(choices)
-      call say('  '//choices(k)%name(1:26)//trim(choices(k)%summary))
-    end do
-  end subroutine show_choices
-
-  pure function place_holder(command) result(word)
-    character(len=*), intent(in) :: command
-    character(len=:), allocatable :: word
-
-    word = 'SCENE  '
-    if (command == 'new') word = 'NAME   '
-    if (command == 'convergence') word = '[SCENE]'
-  end function place_holder
-
-  !> Exactly one argument, or none where it may be left out, and no unknown option.
-  subroutine check_arguments(command, error)
-    character(len=*), intent(in) :: command
-    type(error_t), allocatable, intent(out) :: error
-    integer :: k
-
-    do k = 2, command_argument_count()
-      if (index(argument(k), '-') == 1) then
-        call raise(error, status_bad_input, 'calor '//command//' has no option '''//argument(k)// &
-                   '''. See calor '//command//' --help.')
-        return
-      end if
-    end do
-    if (command == 'convergence' .and. command_argument_count() == 1) return
-    if (command_argument_count() /= 2) then
-      call raise(error, status_bad_input, 'calor '//command//' takes one argument, '// &
-                 trim(place_holder(command))//', but '//to_text(command_argument_count() - 1)// &
-                 ' were given. See calor '//command//' --help.')
+    if (size(asked%argument) == 2) then
+      call write_new_scene(asked%word(1), asked%word(2), written, error)
+    else
+      call write_new_scene(asked%word(1), asked%word(1), written, error)
     end if
-  end subroutine check_arguments
-
-  function any_help() result(answer)
-    logical :: answer
-    integer :: k
-
-    answer = .false.
-    do k = 2, command_argument_count()
-      answer = answer .or. argument(k) == '--help' .or. argument(k) == '-h'
+    if (allocated(error)) return
+    do k = 2, size(written)
+      call say(written(k)%value//' is ready too: the scene reads it.')
     end do
-  end function any_help
+    call say(written(1)%value//' is ready. Run it by: calor run '//written(1)%value)
+  end subroutine new
 
-  !> Command-line argument number `position`, or '' if there is none.
-  function argument(position) result(text)
-    integer, intent(in) :: position
-    character(len=:), allocatable :: text
-    integer :: length
+  !> Say what there is, or all about one thing.
+  subroutine say_about(describe, name, error)
+    interface
+      subroutine describe(name, lines, error)
+        use calor, only: error_t, text_t
+        implicit none (type, external)
+        character(len=*), intent(in) :: name
+        type(text_t), allocatable, intent(out) :: lines(:)
+        type(error_t), allocatable, intent(out) :: error
+      end subroutine describe
+    end interface
+    character(len=*), intent(in) :: name
+    type(error_t), allocatable, intent(out) :: error
+    type(text_t), allocatable :: lines(:)
 
-    call get_command_argument(position, length=length)
-    allocate (character(len=length) :: text)
-    if (length > 0) call get_command_argument(position, text)
-  end function argument
+    call describe(name, lines, error)
+    if (.not. allocated(error)) call say_lines(lines)
+  end subroutine say_about
 
   subroutine say_lines(lines)
     type(text_t), intent(in) :: lines(:)

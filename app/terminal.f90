@@ -4,7 +4,7 @@ module terminal
   implicit none (type, external)
   private
 
-  public :: say, say_in_place, everything_said
+  public :: say, say_in_place, everything_said, is_terminal
 
   interface
     !> Write a text and an end of line
@@ -59,18 +59,25 @@ contains
     !> The line, without an end; '' leaves an empty one
     character(len=*), intent(in) :: line
     integer, parameter :: room = 79
-    integer(c_int), parameter :: standard_output = 1
     character(len=:), allocatable :: letters
     integer(c_int) :: status
     integer :: k
 
-    if (c_isatty(standard_output) == 0) return
-    letters = achar(13)//repeat(' ', room)//achar(13)//line
+    if (.not. is_terminal()) return
+    letters = achar(13)//repeat(' ', room)//achar(13)//line(:min(len(line), room))
     do k = 1, len(letters)
       status = c_putchar(iachar(letters(k:k), c_int))
     end do
     status = c_fflush(c_null_ptr)
   end subroutine say_in_place
+
+  !> Whether somebody watches: standard output is a terminal.
+  function is_terminal() result(answer)
+    logical :: answer
+    integer(c_int), parameter :: standard_output = 1
+
+    answer = c_isatty(standard_output) /= 0
+  end function is_terminal
 
   !> Whether all that was said so far could be written.
   function everything_said() result(answer)

@@ -4,6 +4,7 @@ module calor
   use calor_arrangements, only: arrangement_choices
   use calor_body, only: body_t
   use calor_body_cloud, only: fill_body
+  use calor_catalogue, only: describe_schemes, describe_effects, scheme_names, effect_names
   use calor_choice, only: choice_t, choice_names
   use calor_cloud, only: cloud_t
   use calor_cloud_check, only: check_cloud
@@ -41,10 +42,12 @@ module calor
   use calor_laplacian_schemes, only: laplacian_choices, make_laplacian_scheme
   use calor_medium, only: medium_t
   use calor_neighbour_list, only: neighbour_list_t, build_neighbour_list
-  use calor_new_scene, only: write_new_scene
+  use calor_new_scene, only: write_new_scene, describe_starting_scenes
   use calor_operator_description, only: describe_derivatives
   use calor_operator_study, only: operator_study_t, derivative_t
+  use calor_plot, only: plot_request_t, plot_file
   use calor_polygon_body, only: make_polygon_body
+  use calor_progress_line, only: progress_line, bar, duration_text
   use calor_rectangle_body, only: make_rectangle_body
   use calor_rectangle_cloud, only: make_rectangle
   use calor_renormalization, only: gradient_tensor, laplacian_tensor
@@ -60,11 +63,12 @@ module calor
   use calor_sparse_operator, only: sparse_operator_t
   use calor_spectral_radius, only: estimate_spectral_radius
   use calor_sufficient_rows, only: assemble_sufficient_gradient, assemble_sufficient_laplacian
+  use calor_starting_scenes, only: starting_scenes
   use calor_stable_rows, only: assemble_stable_rows, row_repairs_t, as_written, support_grown, &
                                positive_stencil, inexact_stencil, no_stencil
   use calor_stencil, only: stencil_t
   use calor_stepper, only: stepper_t
-  use calor_text, only: text_t, text_list, to_text, suggestion
+  use calor_text, only: text_t, text_list, to_text, suggestion, append, join
   use calor_verification, only: verification_case_t, verification_cases, run_case
   use calor_version, only: version
   use calor_volume, only: volumes_from_kernel

@@ -32,6 +32,8 @@ program main
   use test_heat_content, only: collect_heat_content
   use test_materials, only: collect_materials
   use test_neighbour_list, only: collect_neighbour_list
+  use test_plot, only: collect_plot
+  use test_guidance, only: collect_guidance
   use test_random, only: collect_random
   use test_row_layouts, only: collect_row_layouts
   use test_shapes, only: collect_shapes
@@ -76,6 +78,8 @@ program main
            new_testsuite('shapes', collect_shapes), &
            new_testsuite('documents', collect_documents), &
            new_testsuite('examples', collect_examples), &
+           new_testsuite('plot', collect_plot), &
+           new_testsuite('guidance', collect_guidance), &
            new_testsuite('command line', collect_command_line) &
            ]
 

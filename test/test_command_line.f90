@@ -154,22 +154,22 @@ contains
     character(len=:), allocatable :: before
 
     call start_over()
-    call calor('new "my plate''s"', outcome)
+    call calor('new plate "my plate''s"', outcome)
     call expect_success(error, outcome, 'calor run')
     if (allocated(error)) return
     call calor('run "my plate''s.nml"', outcome)
     call expect_success(error, outcome, 'my plate''s.vtkhdf|relative L2 error')
     if (allocated(error)) return
     before = contents_of(folder//'my plate''s.nml')
-    call calor('new "my plate''s"', outcome)
+    call calor('new plate "my plate''s"', outcome)
     call expect_failure(error, outcome, 2, 'my plate''s.nml is there already')
     if (allocated(error)) return
     call check(error, contents_of(folder//'my plate''s.nml'), before)
     if (allocated(error)) return
-    call calor('new nowhere/plate', outcome)
+    call calor('new plate nowhere/plate', outcome)
     call expect_failure(error, outcome, 4, 'nowhere/plate.nml cannot be written')
     if (allocated(error)) return
-    call calor('new ""', outcome)
+    call calor('new plate ""', outcome)
     call expect_failure(error, outcome, 2, 'needs a name')
   end subroutine test_new
 
@@ -183,7 +183,7 @@ contains
     call start_over()
     call calor('--help', outcome)
     call expect_success(error, outcome, &
-                        'calor run|calor check|calor operators|calor new|SCENE|NAME')
+                        'calor run|calor check|calor operators|calor new|calor plot|SCENE|NAME')
     if (allocated(error)) return
     call calor('run --help', outcome)
     call expect_success(error, outcome, 'calor run SCENE|x_range|spacing|jitter|support|'// &
@@ -202,7 +202,7 @@ contains
     call expect_success(error, outcome, 'calor operators SCENE|field_expression|renormalized')
     if (allocated(error)) return
     call calor('help new', outcome)
-    call expect_success(error, outcome, 'calor new NAME')
+    call expect_success(error, outcome, 'calor new [KIND [NAME]]|two_materials')
     if (allocated(error)) return
 
     manifest = contents_of('fpm.toml')
@@ -235,7 +235,13 @@ contains
     if (allocated(error)) return
     call expect_call(error, 'run', 2, 'SCENE')
     if (allocated(error)) return
-    call expect_call(error, 'new', 2, 'NAME')
+    call expect_call(error, 'new plat', 2, 'no scene ''plat''|Did you mean ''plate''|calor new')
+    if (allocated(error)) return
+    call expect_call(error, 'new plate a b', 2, 'at most two arguments')
+    if (allocated(error)) return
+    call expect_call(error, 'run --quiet=1 scene.nml', 2, '--quiet takes no value')
+    if (allocated(error)) return
+    call expect_call(error, 'run --quiet --verbose scene.nml', 2, 'either --quiet or --verbose')
     if (allocated(error)) return
     call expect_call(error, 'run scene.nml scene.nml', 2, 'one argument')
   end subroutine test_wrong_calls

@@ -14,6 +14,8 @@ module calor_choice
     character(len=32) :: name = ''
     !> What it is and what it is good for, in one line
     character(len=160) :: summary = ''
+    !> What it computes, what it costs, and where that is from; for `calor schemes`
+    character(len=160) :: formula = '', cost = '', reference = ''
   end type choice_t
 
 contains

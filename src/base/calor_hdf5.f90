@@ -4,11 +4,14 @@ module calor_hdf5
                                          c_null_funptr, c_loc, c_funloc, c_f_pointer
   use calor_c_text, only: from_c
   use hdf5, only: hid_t, h5dont_atexit_f, h5open_f, h5iis_valid_f, &
-                  h5p_default_f, h5t_native_integer
+                  h5f_acc_rdonly_f, h5f_close_strong_f, h5fopen_f, h5lexists_f, &
+                  h5p_default_f, h5p_file_access_f, h5pclose_f, h5pcreate_f, &
+                  h5pset_fclose_degree_f, h5pset_file_locking_f, h5t_native_integer
   implicit none (type, external)
   private
 
-  public :: start_hdf5, skip_hdf5_cleanup, hdf5_silence_t, hdf5_reason, hdf5_descriptor
+  public :: start_hdf5, open_hdf5_file, hdf5_has, skip_hdf5_cleanup, hdf5_silence_t, hdf5_reason, &
+            hdf5_descriptor
 
   !> HDF5's number for the error stack of the running thread
   integer(c_int64_t), parameter :: default_stack = 0_c_int64_t
@@ -99,6 +102,51 @@ contains
     if (status >= 0 .and. open) return
     call h5open_f(status)
   end subroutine start_hdf5
+
+  !> Open a file for reading.
+  subroutine open_hdf5_file(path, file_id, status)
+    !> The file
+    character(len=*), intent(in) :: path
+    !> HDF5's number for it
+    integer(hid_t), intent(out) :: file_id
+    !> Negative if that fails
+    integer, intent(out) :: status
+    integer(hid_t) :: access
+
+    call h5pcreate_f(h5p_file_access_f, access, status)
+    if (status < 0) return
+    ! What an error leaves open must not keep the file open.
+    call h5pset_fclose_degree_f(access, h5f_close_strong_f, status)
+    if (status < 0) return
+    ! Reading needs no lock, and some file systems cannot lock.
+    call h5pset_file_locking_f(access, .false., .true., status)
+    if (status < 0) return
+    call h5fopen_f(path, h5f_acc_rdonly_f, file_id, status, access)
+    if (status < 0) return
+    call h5pclose_f(access, status)
+  end subroutine open_hdf5_file
+
+  !> Whether there is something of that name; HDF5 wants to be asked at every step of the way.
+  function hdf5_has(file_id, name)
+    !> An open file
+    integer(hid_t), intent(in) :: file_id
+    !> Groups and name, parted by '/'
+    character(len=*), intent(in) :: name
+    logical :: hdf5_has
+    integer :: slash, step, status
+
+    hdf5_has = .true.
+    slash = 1
+    do
+      step = index(name(slash + 1:), '/')
+      if (step == 0) exit
+      slash = slash + step
+      call h5lexists_f(file_id, name(:slash - 1), hdf5_has, status)
+      if (status < 0 .or. .not. hdf5_has) exit
+    end do
+    if (hdf5_has) call h5lexists_f(file_id, name, hdf5_has, status)
+    if (status < 0) hdf5_has = .false.
+  end function hdf5_has
 
   !> Keep HDF5 from cleaning up at the end of the program.
   !>

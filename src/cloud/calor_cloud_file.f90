@@ -9,15 +9,13 @@ module calor_cloud_file
   use calor_error, only: error_t, raise, status_bad_input, status_bad_file
   use calor_file_system, only: look_at_path, path_missing, path_file, path_folder, &
                                path_unreachable, read_obstacle
-  use calor_hdf5, only: start_hdf5, hdf5_silence_t, hdf5_reason
+  use calor_hdf5, only: start_hdf5, open_hdf5_file, hdf5_has, hdf5_silence_t, hdf5_reason
   use calor_kinds, only: wp, ip, i8
   use calor_text, only: text_t, to_text, lower_case, join
   use hdf5, only: hid_t, hsize_t, h5kind_to_type, &
-                  h5_real_kind, h5f_acc_rdonly_f, h5f_close_strong_f, &
-                  h5p_file_access_f, h5s_select_set_f, h5t_float_f, h5t_integer_f, &
+                  h5_real_kind, h5s_select_set_f, h5t_float_f, h5t_integer_f, &
                   h5dclose_f, h5dget_space_f, h5dget_type_f, h5dopen_f, h5dread_f, &
-                  h5fclose_f, h5fopen_f, h5lexists_f, h5pclose_f, h5pcreate_f, &
-                  h5pset_fclose_degree_f, h5pset_file_locking_f, h5sclose_f, h5screate_simple_f, &
+                  h5fclose_f, h5sclose_f, h5screate_simple_f, &
                   h5sget_simple_extent_dims_f, h5sget_simple_extent_ndims_f, &
                   h5sselect_hyperslab_f, h5tclose_f, h5tget_class_f
   implicit none (type, external)
@@ -656,7 +654,7 @@ contains
     has_wall = .false.
     call silence%begin()
     call start_hdf5(status)
-    if (status >= 0) call open_hdf5(path, file_id, status)
+    if (status >= 0) call open_hdf5_file(path, file_id, status)
     if (status < 0) then
       call raise_damaged(path, error)
     else
@@ -665,25 +663,6 @@ contains
     end if
     call silence%finish()
   end subroutine read_vtkhdf
-
-  subroutine open_hdf5(path, file_id, status)
-    character(len=*), intent(in) :: path
-    integer(hid_t), intent(out) :: file_id
-    integer, intent(out) :: status
-    integer(hid_t) :: access
-
-    call h5pcreate_f(h5p_file_access_f, access, status)
-    if (status < 0) return
-    ! What an error leaves open must not keep the file open.
-    call h5pset_fclose_degree_f(access, h5f_close_strong_f, status)
-    if (status < 0) return
-    ! Reading needs no lock, and some file systems cannot lock.
-    call h5pset_file_locking_f(access, .false., .true., status)
-    if (status < 0) return
-    call h5fopen_f(path, h5f_acc_rdonly_f, file_id, status, access)
-    if (status < 0) return
-    call h5pclose_f(access, status)
-  end subroutine open_hdf5
 
   subroutine read_particles(path, file_id, cloud, wall, has_volume, has_wall, error)
     character(len=*), intent(in) :: path
@@ -698,7 +677,7 @@ contains
 
     has_volume = .false.
     has_wall = .false.
-    if (.not. exists(file_id, '/VTKHDF/Points')) then
+    if (.not. hdf5_has(file_id, '/VTKHDF/Points')) then
       call raise(error, status_bad_input, 'The cloud''s file '''//path// &
                  ''' is HDF5 but has no /VTKHDF/Points. '//remedy)
       return
@@ -754,7 +733,7 @@ contains
     integer :: k
 
     name = '/VTKHDF/PointData/'//trim(meanings(meaning))
-    if (.not. exists(file_id, name)) return
+    if (.not. hdf5_has(file_id, name)) return
     call read_rows(path, file_id, name, 1, rows, column, error)
     if (allocated(error)) return
     do k = 1, int(rows)
@@ -779,9 +758,9 @@ contains
 
     ! Without these tables -1 asks for all the points that there are.
     rows = -1
-    if (.not. exists(file_id, '/VTKHDF/NumberOfPoints')) return
+    if (.not. hdf5_has(file_id, '/VTKHDF/NumberOfPoints')) return
     number = -1
-    if (exists(file_id, '/VTKHDF/Steps/NumberOfParts')) then
+    if (hdf5_has(file_id, '/VTKHDF/Steps/NumberOfParts')) then
       number = 1
       call read_rows(path, file_id, '/VTKHDF/Steps/NumberOfParts', 1, number, parts, error)
       if (allocated(error)) return
@@ -861,26 +840,6 @@ contains
     call h5tclose_f(data_type, status)
     call h5dclose_f(dataset, status)
   end subroutine read_rows
-
-  !> Whether there is something of that name; HDF5 wants to be asked at every step of the way.
-  function exists(file_id, name)
-    integer(hid_t), intent(in) :: file_id
-    character(len=*), intent(in) :: name
-    logical :: exists
-    integer :: slash, step, status
-
-    exists = .true.
-    slash = 1
-    do
-      step = index(name(slash + 1:), '/')
-      if (step == 0) exit
-      slash = slash + step
-      call h5lexists_f(file_id, name(:slash - 1), exists, status)
-      if (status < 0 .or. .not. exists) exit
-    end do
-    if (exists) call h5lexists_f(file_id, name, exists, status)
-    if (status < 0) exists = .false.
-  end function exists
 
   !> Make an error of the HDF5 call that has just failed.
   subroutine raise_damaged(path, error)

@@ -23,6 +23,8 @@ module calor_effect
     !> The group of a scene that calls for it; if `key` is not blank, only where that says `value`,
     !> or anything at all if `value` is blank
     character(len=12) :: group = '', key = '', value = ''
+    !> What it brings, what it costs, and where that is from
+    character(len=80) :: formula = '', cost = '', reference = ''
     !> Why it is in force, in the scene's words
     character(len=:), allocatable :: reason
     !> How often it was asked for its power, or its derivative, and what its arrays take, bytes

@@ -26,15 +26,29 @@ contains
     type(effect_slot_t), allocatable, intent(out) :: table(:)
 
     allocate (table(0))
-    call enter(table, source_t('source', 'heat set free within the body', 'source'))
-    call enter(table, flux_t('flux', 'a given heat flux', 'boundary', 'kind', 'flux'))
-    call enter(table, insulated_t('insulated', 'no heat passes', 'boundary', 'kind', 'insulated'))
+    call enter(table, source_t('source', 'heat set free within the body', 'source', '', '', &
+        'ρ c ∂T/∂t = ∇·κ∇T + s, s in W/m³', &
+        'one addition a particle; an expression is evaluated at each stage', &
+        'H.S. Carslaw, J.C. Jaeger, Conduction of heat in solids, Oxford 1959'))
+    call enter(table, flux_t('flux', 'a given heat flux', 'boundary', 'kind', 'flux', &
+        'κ ∂T/∂n = q, n outward, q in W/m²', &
+        'one addition a wall particle', &
+        'H.S. Carslaw, J.C. Jaeger, Conduction of heat in solids, Oxford 1959'))
+    call enter(table, insulated_t('insulated', 'no heat passes', 'boundary', 'kind', 'insulated', &
+        'κ ∂T/∂n = 0', 'nothing: the rows of the wall say it', &
+        'H.S. Carslaw, J.C. Jaeger, Conduction of heat in solids, Oxford 1959'))
     call enter(table, convection_t('convection', 'heat exchanged with a fluid', 'boundary', &
-                                   'kind', 'convection'))
+        'kind', 'convection', 'κ ∂T/∂n = α (T_ambient − T)', &
+        'one product a wall particle', &
+        'I. Newton, Phil. Trans. 22 (1701) 824–829'))
     call enter(table, radiation_t('radiation', 'heat radiated and received', 'boundary', &
-                                  'kind', 'radiation'))
+        'kind', 'radiation', 'κ ∂T/∂n = ε σ (T_ambient⁴ − T⁴), temperatures in K', &
+        'some products a wall particle; shorter steps where it is strong', &
+        'J. Stefan, Sitzungsber. Akad. Wiss. Wien 79 (1879) 391–428'))
     call enter(table, melting_t('melting', 'latent heat between solidus and liquidus', &
-                                'material', 'latent_heat'))
+        'material', 'latent_heat', '', 'ρ ∂H/∂t = ∇·κ∇T, H = c T + L f(T), f the liquid fraction', &
+        'the temperature of each heat content at each stage', &
+        'V. Alexiades, A.D. Solomon, Melting and Freezing Processes, 1993, chapter 4'))
   end subroutine known_effects
 
   !> Add an effect to a list.

@@ -16,11 +16,26 @@ module calor_kernels
 
   !> Every kernel that a scene may name
   type(choice_t), parameter :: kernel_choices(*) = [ &
-      choice_t('cubic_spline', 'Cubic spline M4: the classic; second derivative with kinks'), &
-      choice_t('quintic_spline', 'Quintic spline M6: smoother, wants a wider support'), &
-      choice_t('wendland_c2', 'Wendland C2: no pairing of particles, the usual choice'), &
-      choice_t('wendland_c4', 'Wendland C4: smoother, for some 20 neighbours and more'), &
-      choice_t('wendland_c6', 'Wendland C6: smoothest, for some 30 neighbours and more') &
+      choice_t('cubic_spline', 'Cubic spline M4: the classic; second derivative with kinks', &
+               'W h² = 80/(7π) [(1−q)₊³ − 4 (1/2−q)₊³], q = r/h', &
+               'evaluated once for each pair', &
+               'J.J. Monaghan, J.C. Lattanzio, Astron. Astrophys. 149 (1985) 135–143'), &
+      choice_t('quintic_spline', 'Quintic spline M6: smoother, wants a wider support', &
+               'W h² = 63/(478π) [(3−s)₊⁵ − 6 (2−s)₊⁵ + 15 (1−s)₊⁵], s = 3 r/h', &
+               'evaluated once for each pair', &
+               'J.J. Monaghan, J.C. Lattanzio, Astron. Astrophys. 149 (1985) 135–143'), &
+      choice_t('wendland_c2', 'Wendland C2: no pairing of particles, the usual choice', &
+               'W h² = 7/π (1−q)⁴ (4q + 1), q = r/h', &
+               'evaluated once for each pair', &
+               'H. Wendland, Adv. Comput. Math. 4 (1995) 389–396'), &
+      choice_t('wendland_c4', 'Wendland C4: smoother, for some 20 neighbours and more', &
+               'W h² = 9/π (1−q)⁶ (35/3 q² + 6q + 1), q = r/h', &
+               'evaluated once for each pair', &
+               'H. Wendland, Adv. Comput. Math. 4 (1995) 389–396'), &
+      choice_t('wendland_c6', 'Wendland C6: smoothest, for some 30 neighbours and more', &
+               'W h² = 78/(7π) (1−q)⁸ (32q³ + 25q² + 8q + 1), q = r/h', &
+               'evaluated once for each pair', &
+               'H. Wendland, Adv. Comput. Math. 4 (1995) 389–396') &
       ]
 
 contains

@@ -17,11 +17,26 @@ module calor_gradient_schemes
 
   !> Every gradient scheme that a scene may name
   type(choice_t), parameter :: gradient_choices(*) = [ &
-      choice_t('standard', 'sum of u_j times the kernel gradient; exact for nothing'), &
-      choice_t('difference', 'sum of u_j - u_i; exact for constants'), &
-      choice_t('sum', 'sum of u_j + u_i; conserves in pairs, exact for nothing'), &
-      choice_t('renormalized', 'difference with the tensor B; exact for linear fields'), &
-      choice_t('consistent', 'order 2, 4, 6 or 8 (&scheme order); exact for polynomials up to it') &
+      choice_t('standard', 'sum of u_j times the kernel gradient; exact for nothing', &
+               '⟨∇u⟩_i = Σ w_j u_j ∇W_ij', &
+               'one pass over the neighbours', &
+               'J.J. Monaghan, Rep. Prog. Phys. 68 (2005) 1703–1759'), &
+      choice_t('difference', 'sum of u_j - u_i; exact for constants', &
+               '⟨∇u⟩_i = Σ w_j (u_j − u_i) ∇W_ij', &
+               'one pass over the neighbours', &
+               'J.J. Monaghan, Rep. Prog. Phys. 68 (2005) 1703–1759'), &
+      choice_t('sum', 'sum of u_j + u_i; conserves in pairs, exact for nothing', &
+               '⟨∇u⟩_i = Σ w_j (u_j + u_i) ∇W_ij', &
+               'one pass over the neighbours', &
+               'J.J. Monaghan, Rep. Prog. Phys. 68 (2005) 1703–1759'), &
+      choice_t('renormalized', 'difference with the tensor B; exact for linear fields', &
+               '⟨∇u⟩_i = Σ w_j (u_j − u_i) B_i·∇W_ij, B_i = −[Σ w_j r_ij ∇W_ij]⁻¹', &
+               'a 2 × 2 system for each particle, once', &
+               'R. Fatehi, M.T. Manzari, Comput. Math. Appl. 61 (2011) 482–498'), &
+      choice_t('consistent', 'order 2, 4, 6 or 8 (&scheme order); exact for polynomials up to it', &
+               'weights of least norm that differentiate polynomials up to degree p exactly', &
+               'a small system for each particle, once; wider supports with p', &
+               'docs/schemes.md; class of J.R.C. King et al., J. Comput. Phys. 415 (2020) 109549') &
       ]
 
 contains

@@ -6,12 +6,13 @@ module calor_gnuplot
   use calor_error, only: error_t, raise, status_bad_input, status_bad_file
   use calor_file_system, only: look_at_path, make_scratch_folder, path_file, remove_file, &
                                remove_folder, rename_file
+  use calor_kinds, only: wp
   use calor_text, only: to_text
   use calor_whole_file, only: partial_path, write_whole_file
   implicit none (type, external)
   private
 
-  public :: draw_picture, run_gnuplot
+  public :: draw_picture, draw_animation, run_gnuplot, in_script
 
 contains
 
@@ -26,9 +27,7 @@ contains
     !> The ending is another one, there is no gnuplot, the script is wrong, or the file cannot be
     !> written
     type(error_t), allocatable, intent(out) :: error
-    character(len=*), parameter :: end = new_line('a')
-    character(len=:), allocatable :: terminal, reason
-    integer :: kind_of_path
+    character(len=:), allocatable :: terminal
 
     select case (path(index(path, '.', back=.true.):))
     case ('.svg')
@@ -39,9 +38,40 @@ contains
       call raise(error, status_bad_input, 'The picture '//path//' should end in .svg or .png.')
       return
     end select
-    call run_gnuplot('set terminal '//terminal//' size '//to_text(width)//','// &
-                     to_text(height)//end//'set output '''//doubled(partial_path(path))//''''// &
-                     end//script//end//'unset output'//end, error)
+    call draw(path, terminal, width, height, script, error)
+  end subroutine draw_picture
+
+  !> Draw a moving picture (GIF), a frame for each plot of the script, without end. A file of that
+  !> name is replaced only once the new one is complete.
+  subroutine draw_animation(path, width, height, seconds, script, error)
+    !> The file
+    character(len=*), intent(in) :: path
+    !> Size in pixels
+    integer, intent(in) :: width, height
+    !> How long a frame stays, s
+    real(wp), intent(in) :: seconds
+    !> What to draw, without terminal and output
+    character(len=*), intent(in) :: script
+    !> There is no gnuplot, the script is wrong, or the file cannot be written
+    type(error_t), allocatable, intent(out) :: error
+
+    call draw(path, 'gif animate loop 0 delay '//to_text(nint(100*seconds))// &
+              ' font "DejaVu Sans,12"', width, height, script, error)
+  end subroutine draw_animation
+
+  subroutine draw(path, terminal, width, height, script, error)
+    character(len=*), intent(in) :: path, terminal
+    integer, intent(in) :: width, height
+    character(len=*), intent(in) :: script
+    type(error_t), allocatable, intent(out) :: error
+    character(len=*), parameter :: end = new_line('a')
+    character(len=:), allocatable :: reason
+    integer :: kind_of_path
+
+    call run_gnuplot('set encoding utf8'//end//'set terminal '//terminal//' size '// &
+                     to_text(width)//','//to_text(height)//end//'set output '''// &
+                     doubled(partial_path(path))//''''//end//script//end//'unset output'//end, &
+                     error)
     reason = ''
     if (.not. allocated(error)) then
       ! gnuplot does not always tell when it could not write.
@@ -53,7 +83,7 @@ contains
       end if
     end if
     if (allocated(error)) call remove_file(partial_path(path), reason)
-  end subroutine draw_picture
+  end subroutine draw
 
   !> Run a script; what it writes and where is its own affair.
   subroutine run_gnuplot(script, error)
@@ -126,6 +156,26 @@ contains
     end do
     text = text//''''
   end function quoted
+
+  !> A text as it stands between double quotes in a script; a line feed parts lines.
+  pure function in_script(text) result(escaped)
+    !> The text
+    character(len=*), intent(in) :: text
+    character(len=:), allocatable :: escaped
+    integer :: k
+
+    escaped = ''
+    do k = 1, len(text)
+      select case (text(k:k))
+      case (achar(10))
+        escaped = escaped//'\n'
+      case ('"', '\')
+        escaped = escaped//'\'//text(k:k)
+      case default
+        escaped = escaped//text(k:k)
+      end select
+    end do
+  end function in_script
 
   !> A word as it stands between quotes in a script: each quote in it twice
   pure function doubled(word) result(text)

@@ -5,11 +5,13 @@ module calor_description
   use calor_kinds, only: wp, i8
   use calor_laplacian_schemes, only: laplacian_choices
   use calor_memory_need, only: memory_need, size_text
+  use calor_progress_line, only: bar
   use calor_scene, only: scene_t
   use calor_scene_file, only: group_t
   use calor_simulation, only: simulation_t
   use calor_stable_rows, only: as_written, support_grown, positive_stencil, inexact_stencil, &
                                no_stencil
+  use calor_stopwatch, only: phase_t
   use calor_text, only: text_t, to_text, join, append
   implicit none (type, external)
   private
@@ -105,7 +107,6 @@ contains
     type(simulation_t), intent(in) :: simulation
     type(text_t), allocatable :: lines(:)
     integer :: k
-    character(len=:), allocatable :: phases
 
     allocate (lines(0))
     if (simulation%scene%time%steady) then
@@ -125,22 +126,20 @@ contains
     end if
     if (size(simulation%entries) > 0) call add(lines, 'Heat', budget(simulation))
     if (allocated(simulation%motion)) call add(lines, 'Motion', motion(simulation))
-    phases = ''
-    do k = 1, size(simulation%stopwatch%phases)
-      associate (phase => simulation%stopwatch%phases(k))
-        if (k > 1) phases = phases//', '
-        phases = phases//trim(phase%name)//' '//to_text(phase%seconds, digits=2)
-      end associate
-    end do
-    call add(lines, 'Wall time', to_text(simulation%stopwatch%total(), digits=3)// &
-             ' s ('//phases//')')
-    if (simulation%scene%output%file /= '') call add(lines, 'Written', simulation%scene%output%file)
     if (allocated(simulation%estimate)) call add(lines, 'Estimate', estimate())
     if (simulation%knows_exact()) then
       call add(lines, 'Error', 'relative L2 error '// &
                to_text(simulation%relative_l2_error(), digits=3)//' at t = '// &
                to_text(simulation%time, digits=6)//' s')
     end if
+    call add(lines, 'Wall time', to_text(simulation%stopwatch%total(), digits=3)//' s')
+    do k = 1, size(simulation%stopwatch%phases)
+      call append(lines, phase_line(simulation%stopwatch%phases(k), simulation%stopwatch%total()))
+    end do
+    associate (file => simulation%scene%output%file)
+      if (file /= '') call add(lines, 'Written', file//' (open it in ParaView, or draw it: '// &
+                               'calor plot '//file//')')
+    end associate
 
   contains
 
@@ -155,6 +154,22 @@ contains
     end function estimate
 
   end function describe_result
+
+  !> What part of the wall time a phase took, with a bar
+  pure function phase_line(phase, total) result(line)
+    type(phase_t), intent(in) :: phase
+    real(wp), intent(in) :: total
+    character(len=:), allocatable :: line
+    integer, parameter :: number_width = 11, bar_width = 30
+    real(wp) :: part
+
+    part = 0
+    if (total > 0) part = max(0.0_wp, min(1.0_wp, phase%seconds/total))
+    line = to_text(phase%seconds, digits=2)//' s'
+    line = '  '//phase%name//line//repeat(' ', max(1, number_width - len(line)))// &
+           bar(part, bar_width, ' ')
+    line = trim(line)
+  end function phase_line
 
   subroutine add(lines, heading, content)
     type(text_t), allocatable, intent(inout) :: lines(:)

@@ -1,94 +1,92 @@
-!> A commented scene to start from.
+!> A commented scene to start from, written into a file.
 module calor_new_scene
-  use calor_error, only: error_t, raise, status_bad_input, status_bad_file
+  use calor_choice, only: choice_names
+  use calor_error, only: error_t, raise, status_bad_input
+  use calor_file_system, only: look_at_path, path_missing
+  use calor_starting_scenes, only: starting_scenes, starting_scene, own_particles
+  use calor_text, only: text_t, append, suggestion
+  use calor_whole_file, only: write_whole_file
   implicit none (type, external)
   private
 
-  public :: write_new_scene
+  public :: write_new_scene, describe_starting_scenes
 
-  !> The scene, with @ for its name
-  character(len=92), parameter :: template(*) = [character(len=92) :: &
-      '! A scene for calor: calor check says what it simulates, calor run does it.', &
-      '! Groups may come in any order. SI units.', &
-      '', &
-      '&scene     title = ''@''', &
-      '           ! The true temperature, if you know it: the run then reports its error', &
-      '           exact_expression = ''sin(pi*x)*sin(pi*y)*exp(-2*pi^2*t)'' /', &
-      '', &
-      '&domain    shape = ''rectangle''      ! or ''cloud'' with file = ''particles.csv''', &
-      '           x_range = 0.0, 1.0       ! m', &
-      '           y_range = 0.0, 1.0', &
-      '           spacing = 0.025          ! between neighbouring particles, m', &
-      '           arrangement = ''jittered'' ! or lattice, hexagonal', &
-      '           jitter = 0.2             ! displacement in units of the spacing', &
-      '           seed = 1 /', &
-      '', &
-      '&kernel    name = ''wendland_c2''     ! or cubic_spline, quintic_spline, wendland_c4, _c6', &
-      '           support = 2.1 /          ! support radius in units of the spacing', &
-      '', &
-      '&scheme    laplacian = ''fatehi_manzari'' / ! or positive, brookshaw, ...', &
-      '', &
-      '&material  conductivity = 1.0       ! W/(m K)', &
-      '           density = 1.0            ! kg/m3', &
-      '           heat_capacity = 1.0 /    ! J/(kg K)', &
-      '', &
-      '&initial   temperature_expression = ''sin(pi*x)*sin(pi*y)'' /', &
-      '', &
-      '&boundary  on = ''all''               ! or left, right, bottom, top; may be repeated', &
-      '           kind = ''temperature''     ! held at a value or value_expression of x, y, t', &
-      '           value = 0.0 /', &
-      '', &
-      '&time      end = 0.05               ! s', &
-      '           method = ''auto''          ! or rkl2, tr_bdf2, exponential, …', &
-      '           tolerance = 1.0e-6 /     ! error of a step over the temperature range', &
-      '', &
-      '&output    file = ''@.vtkhdf''      ! opens in ParaView', &
-      '           every = 0.01             ! s', &
-      '           fields = ''temperature'' / ! and error, exact where the truth is known' &
-      ]
+  character(len=*), parameter :: end = new_line('a')
 
 contains
 
-  !> Write a scene of a small plate, with every key explained, into a new file.
-  subroutine write_new_scene(name, path, error)
+  !> What there is.
+  function describe_starting_scenes() result(lines)
+    type(text_t), allocatable :: lines(:)
+    integer :: k
+
+    call append(lines, 'Scenes to start from:')
+    do k = 1, size(starting_scenes)
+      call append(lines, '  '//starting_scenes(k)%name(1:16)//trim(starting_scenes(k)%summary))
+    end do
+    call append(lines, '')
+    call append(lines, 'calor new KIND writes one as KIND.nml, calor new KIND NAME as NAME.nml.')
+  end function describe_starting_scenes
+
+  !> Write a commented scene into a new file.
+  subroutine write_new_scene(kind, name, written, error)
+    !> One of the table of starting scenes
+    character(len=*), intent(in) :: kind
     !> Name of the scene, with or without the ending .nml
     character(len=*), intent(in) :: name
-    !> The file written
-    character(len=:), allocatable, intent(out) :: path
-    !> The name is empty, there is such a file already, or it cannot be written
+    !> The files written, the scene first
+    type(text_t), allocatable, intent(out) :: written(:)
+    !> There is no such kind, the name is empty, there is such a file already, or it cannot be
+    !> written
     type(error_t), allocatable, intent(out) :: error
-    character(len=:), allocatable :: stem
-    character(len=200) :: reason
-    integer :: unit, status, k
-    logical :: exists
+    type(text_t), allocatable :: lines(:)
+    character(len=:), allocatable :: stem, title, text
+    integer :: k
 
+    allocate (written(0))
+    if (.not. any(starting_scenes%name == kind)) then
+      call raise(error, status_bad_input, 'There is no scene '''//kind//''' to start from.'// &
+                 suggestion(kind, choice_names(starting_scenes))//' calor new lists what there '// &
+                 'is; calor new plate NAME writes a plate as NAME.nml.')
+      return
+    end if
     stem = name
     if (len(name) > 4) then
       if (name(len(name) - 3:) == '.nml') stem = name(:len(name) - 4)
     end if
-    path = stem//'.nml'
-    stem = stem(index(stem, '/', back=.true.) + 1:)
-    if (stem == '') then
-      call raise(error, status_bad_input, 'A scene needs a name, as in ''calor new a'', but '''// &
-                 name//''' has none.')
+    title = stem(index(stem, '/', back=.true.) + 1:)
+    if (title == '') then
+      call raise(error, status_bad_input, 'A scene needs a name, as in ''calor new plate a'', '// &
+                 'but '''//name//''' has none.')
       return
     end if
-    inquire (file=path, exist=exists)
-    if (exists) then
-      call raise(error, status_bad_input, 'The file '//path// &
-                 ' is there already: choose another name, or move it away.')
-      return
-    end if
-    reason = ''
-    open (newunit=unit, file=path, status='new', action='write', iostat=status, iomsg=reason)
-    do k = 1, size(template)
-      if (status /= 0) exit
-      write (unit, '(a)', iostat=status, iomsg=reason) filled(template(k), in_quotes(stem))
+    call check_free(stem//'.nml', error)
+    if (.not. allocated(error) .and. kind == 'cloud') call check_free(stem//'.csv', error)
+    if (allocated(error)) return
+    lines = starting_scene(kind)
+    text = ''
+    do k = 1, size(lines)
+      text = text//filled(lines(k)%value, in_quotes(title))//end
     end do
-    if (status == 0) close (unit, iostat=status, iomsg=reason)
-    if (status == 0) return
-    call raise(error, status_bad_file, 'The file '//path//' cannot be written: '//trim(reason))
+    ! What the scene reads is there before the scene is.
+    if (kind == 'cloud') call write_whole_file(stem//'.csv', own_particles(), error)
+    if (.not. allocated(error)) call write_whole_file(stem//'.nml', text, error)
+    if (allocated(error)) return
+    call append(written, stem//'.nml')
+    if (kind == 'cloud') call append(written, stem//'.csv')
   end subroutine write_new_scene
+
+  subroutine check_free(path, error)
+    character(len=*), intent(in) :: path
+    type(error_t), allocatable, intent(out) :: error
+    character(len=:), allocatable :: reason
+    integer :: what
+
+    call look_at_path(path, what, reason)
+    if (what == path_missing) return
+    call raise(error, status_bad_input, 'The file '//path// &
+               ' is there already: choose another name, or move it away.')
+  end subroutine check_free
 
   !> A word as it stands between quotes: each quote in it twice.
   pure function in_quotes(word) result(text)

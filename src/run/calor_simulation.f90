@@ -29,6 +29,7 @@ module calor_simulation
   use calor_spectral_radius, only: estimate_spectral_radius
   use calor_stable_rows, only: row_repairs_t, inexact_stencil
   use calor_steady_state, only: find_steady_state
+  use calor_step_listener, only: step_listener_t
   use calor_stepper, only: stepper_t
   use calor_stopwatch, only: stopwatch_t
   use calor_sums, only: root_mean_square
@@ -153,7 +154,7 @@ module calor_simulation
   end type simulation_t
 
   !> Is told what a run has reached; a program extends it to show progress
-  type, abstract :: observer_t
+  type, abstract, extends(step_listener_t) :: observer_t
   contains
     !> A state has been reached, and written if the scene says so
     procedure(reached_interface), deferred :: reached
@@ -257,7 +258,7 @@ contains
     !> The numbers went wrong, or a file could not be written
     type(error_t), allocatable, intent(out) :: error
     !> Who is told about the progress
-    class(observer_t), intent(inout), optional :: observer
+    class(observer_t), intent(inout), optional, target :: observer
     type(simulation_file_t) :: file
     type(error_t), allocatable :: file_error
     integer :: written, states
@@ -267,6 +268,7 @@ contains
     if (allocated(error)) return
     call file%open(this%scene, this%cloud, this%effects_in_force(), error)
     if (allocated(error)) return
+    if (present(observer)) this%stepper%listener => observer
     if (allocated(this%choice)) then
       call file%say('time_method', this%method//' ('//this%choice%sentence()//')')
     else if (allocated(this%method)) then
@@ -304,6 +306,7 @@ contains
       if (allocated(error) .or. allocated(file_error)) exit
       if (present(observer)) call observer%reached(this)
     end do
+    nullify (this%stepper%listener)
     if (this%scene%time%steady .and. allocated(error)) then
       call file%abandon()
       return

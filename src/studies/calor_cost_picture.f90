@@ -3,6 +3,7 @@ module calor_cost_picture
   use calor_cost_entry, only: cost_entry_t, phase_total
   use calor_cost_file, only: cost_front
   use calor_cost_method, only: cost_method_t
+  use calor_gnuplot, only: in_script
   use calor_kinds, only: wp
   use calor_text, only: to_text
   implicit none (type, external)
@@ -26,20 +27,22 @@ module calor_cost_picture
 contains
 
   !> The script, in gnuplot's language, with all numbers in it.
-  function cost_picture(entries, headline, time, threads) result(script)
+  function cost_picture(entries, headline, threads, time) result(script)
     !> The entries; only those that were measured are drawn
     type(cost_entry_t), intent(in) :: entries(:)
     !> What the scene is called
     character(len=*), intent(in) :: headline
-    !> The time at which errors were measured, s
-    real(wp), intent(in) :: time
     !> Number of threads
     integer, intent(in) :: threads
-    character(len=:), allocatable :: script, plots, number
+    !> The time at which errors were measured, s, if it is known
+    real(wp), intent(in), optional :: time
+    character(len=:), allocatable :: script, plots, number, moment
     logical :: front(size(entries))
     integer :: k, j, methods, scheme, variant
 
     front = cost_front(entries)
+    moment = ''
+    if (present(time)) moment = ' at t = '//to_text(time, digits=6)//' s'
     script = 'set logscale xy'//end// &
              'set format y "10^{%T}"'//end// &
              'set format x "%g"'//end// &
@@ -49,9 +52,9 @@ contains
              'set key below vertical Left reverse samplen 4 maxcols 1 noenhanced font ",14"'// &
              end//'set bmargin at screen '// &
              to_text(1 - (axes_height - 90.0_wp)/picture_height(entries), digits=4)//end// &
-             'set title "'//escaped(headline)//'" noenhanced font ",20"'//end// &
+             'set title "'//in_script(headline)//'" noenhanced font ",20"'//end// &
              'set xlabel "wall time, s (set-up and steps, '//threads_text(threads)//')"'//end// &
-             'set ylabel "relative L_2 error at t = '//to_text(time, digits=6)//' s"'//end// &
+             'set ylabel "relative L_2 error'//moment//'"'//end// &
              '$front << end_of_data'//end
     do k = 1, size(entries)
       if (front(k)) script = script//point(entries(k))
@@ -76,7 +79,7 @@ contains
               to_text(marks(1 + mod(scheme + variant - 2, size(marks))))// &
               ' dashtype '//to_text(dashes(1 + mod(variant - 1, size(dashes))))// &
               ' linecolor "'//colours(1 + mod(scheme - 1, size(colours)))//'" title "'// &
-              escaped(title_of(entries, k))//'"'
+              in_script(title_of(entries, k))//'"'
     end do
     script = script//'plot '//plots//end
   end function cost_picture
@@ -225,18 +228,5 @@ contains
     text = to_text(threads)//' threads'
     if (threads == 1) text = '1 thread'
   end function threads_text
-
-  !> A text as it stands between double quotes of gnuplot
-  pure function escaped(text)
-    character(len=*), intent(in) :: text
-    character(len=:), allocatable :: escaped
-    integer :: k
-
-    escaped = ''
-    do k = 1, len(text)
-      if (text(k:k) == '"' .or. text(k:k) == '\') escaped = escaped//'\'
-      escaped = escaped//text(k:k)
-    end do
-  end function escaped
 
 end module calor_cost_picture

@@ -280,8 +280,8 @@ contains
     stem = path(:len(path) - 4)
     do k = 1, size(endings)
       call draw_picture(stem//endings(k), picture_width, picture_height(this%entries), &
-                        cost_picture(this%entries, headline(this%scene), this%scene%time%end, &
-                                     this%threads), problem)
+                        cost_picture(this%entries, headline(this%scene), this%threads, &
+                                     this%scene%time%end), problem)
       if (allocated(problem)) then
         this%picture_problem = problem%message
         exit

@@ -13,6 +13,7 @@ module calor_time_choice
   use calor_scene, only: scene_t
   use calor_simulation, only: simulation_t
   use calor_stepper, only: stepper_t
+  use calor_sums, only: root_mean_square
   implicit none (type, external)
   private
 
@@ -44,6 +45,9 @@ module calor_time_choice
   real(wp), parameter :: least_ratio = 1.5_wp
   !> The error of the finest run is an estimate: so much of what is allowed is made use of
   real(wp), parameter :: margin = 0.9_wp
+  !> The exponential propagator's tolerance is this part of the error that other steps make: more
+  !> accuracy costs it little
+  real(wp), parameter :: exponential_part = 0.1_wp
   !> Relative errors below this are rounding errors
   real(wp), parameter :: least_error = 1.0e-12_wp
 
@@ -83,7 +87,8 @@ contains
     if (norm > 0) difference = difference/norm
   end function relative_difference
 
-  !> Find the steps. With the method 'auto' Runge–Kutta 4 is taken where that is cheaper.
+  !> Find the steps. With the method 'auto' these are steps of RKL2, of Runge–Kutta 4 where that is
+  !> cheaper, or of the exponential propagator where that is possible and cheaper still.
   subroutine choose_time_steps(simulation, allowed, choice, error, truth, known_to)
     !> A simulation just prepared from a `pilot_scene`; it stays at its start
     type(simulation_t), intent(inout) :: simulation
@@ -107,16 +112,56 @@ contains
     call refine(simulation, simulation%scene%time%method, allowed, limit, choice, error, truth, &
                 known_to)
     if (allocated(error)) return
-    if (choice%evaluations <= limit) return
-    call refine(simulation, 'runge_kutta_4', allowed, huge(limit), other, failure, truth, known_to)
-    if (allocated(failure)) then
-      ! Off the real axis it is not always stable. What was given up for its sake is taken up.
-      call refine(simulation, simulation%scene%time%method, allowed, huge(limit), choice, error, &
-                  truth, known_to)
-    else
-      choice = other
+    if (choice%evaluations > limit) then
+      call refine(simulation, 'runge_kutta_4', allowed, huge(limit), other, failure, truth, &
+                  known_to)
+      if (allocated(failure)) then
+        ! Off the real axis it is not always stable. What was given up for its sake is taken up.
+        call refine(simulation, simulation%scene%time%method, allowed, huge(limit), choice, error, &
+                    truth, known_to)
+        if (allocated(error)) return
+      else
+        choice = other
+      end if
     end if
+    if (simulation%scene%time%method /= 'auto') return
+    if (choice%method == 'auto') choice%method = 'rkl2'
+    call consider_exponential(simulation, choice)
   end subroutine choose_time_steps
+
+  !> Take the exponential propagator where it takes fewer evaluations for an error that is no larger
+  !> than that of the steps chosen.
+  subroutine consider_exponential(simulation, choice)
+    type(simulation_t), intent(inout) :: simulation
+    type(time_choice_t), intent(inout) :: choice
+    type(stepper_t) :: stepper
+    type(error_t), allocatable :: failure
+    real(wp), allocatable :: u(:)
+    real(wp) :: tolerance, time, deviation
+
+    if (simulation%conduction%depends_on_time() .or. .not. simulation%conduction%is_linear()) return
+    tolerance = exponential_part*choice%error*root_mean_square(choice%temperature)/ &
+                simulation%conduction%temperature_scale()
+    if (.not. tolerance > 0) return
+    call make_integrator('exponential', stepper%integrator, failure)
+    if (allocated(failure)) return
+    stepper%spectral_radius = simulation%stepper%spectral_radius
+    stepper%longest_step = stepper%integrator%longest_stable_step(stepper%spectral_radius)
+    stepper%tolerance = tolerance*simulation%conduction%temperature_scale()
+    time = simulation%time
+    u = simulation%temperature
+    call stepper%propose_first(simulation%conduction, time, u)
+    call stepper%advance_to(simulation%conduction, time, simulation%scene%time%end, u, failure)
+    if (allocated(failure)) return
+    if (stepper%integrator%evaluations >= choice%evaluations) return
+    deviation = relative_difference(u, choice%temperature, simulation%cloud%volume)
+    if (deviation > choice%error) return
+    choice%method = 'exponential'
+    choice%tolerance = tolerance
+    choice%step = 0
+    choice%error = exponential_part*choice%error + deviation
+    choice%evaluations = stepper%integrator%evaluations
+  end subroutine consider_exponential
 
   !> Halve the steps of one method until their error is allowed and shorter ones cost more: very
   !> long steps take many stages, and trials of them. Give up where a run that is not good enough

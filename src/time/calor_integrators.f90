@@ -16,12 +16,30 @@ module calor_integrators
 
   !> Every integrator that a scene may name
   type(choice_t), parameter :: integrator_choices(*) = [ &
-      choice_t('auto', 'the cheapest of rkl2, tr_bdf2 and exponential, as foreseen'), &
-      choice_t('forward_euler', 'first order, one evaluation a step'), &
-      choice_t('runge_kutta_4', 'fourth order, four evaluations a step'), &
-      choice_t('rkl2', 'second order, stabilised for diffusion: long steps, adaptive'), &
-      choice_t('tr_bdf2', 'second order, implicit: steps of any length, adaptive'), &
-      choice_t('exponential', 'exact in time, for linear problems that do not change with time') &
+      choice_t('auto', 'the cheapest of rkl2, tr_bdf2 and exponential, as foreseen', &
+               'that of the method chosen', &
+               'that of the method chosen', &
+               'docs/schemes.md'), &
+      choice_t('forward_euler', 'first order, one evaluation a step', &
+               'u ← u + τ F(u)', &
+               'one evaluation a step; steps at most 2/ρ, ρ the spectral radius', &
+               'L. Euler, Institutionum calculi integralis I, 1768'), &
+      choice_t('runge_kutta_4', 'fourth order, four evaluations a step', &
+               'u ← u + τ/6 (k₁ + 2 k₂ + 2 k₃ + k₄)', &
+               'four evaluations a step; steps at most 2.785/ρ', &
+               'W. Kutta, Z. Math. Phys. 46 (1901) 435–453'), &
+      choice_t('rkl2', 'second order, stabilised for diffusion: long steps, adaptive', &
+               's stages of Legendre polynomials, stable up to τ = (s² + s − 2)/(2ρ)', &
+               's evaluations a step, but steps longer by s²/4: the cheapest for diffusion', &
+               'C.D. Meyer, D.S. Balsara, T.D. Aslam, J. Comput. Phys. 257 (2014) 594–626'), &
+      choice_t('tr_bdf2', 'second order, implicit: steps of any length, adaptive', &
+               'trapezoidal rule to t + γτ, then BDF2 to t + τ; γ = 2 − √2', &
+               'two solutions with one sparse matrix a step, factorised where the step changes', &
+               'M.E. Hosea, L.F. Shampine, Appl. Numer. Math. 20 (1996) 21–37'), &
+      choice_t('exponential', 'exact in time, for linear problems that do not change with time', &
+               'exp(τ A) u by Faber polynomials of A on an ellipse about the spectrum', &
+               'about √(ρ τ ln(1/tolerance)) products for a step of any length', &
+               'docs/schemes.md') &
       ]
 
 contains

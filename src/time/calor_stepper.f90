@@ -7,6 +7,7 @@ module calor_stepper
   use calor_integrator, only: integrator_t
   use calor_interrupt, only: interrupted, interrupt_status
   use calor_kinds, only: wp
+  use calor_step_listener, only: step_listener_t
   use calor_step_watcher, only: step_watcher_t
   use calor_text, only: to_text
   implicit none (type, external)
@@ -33,6 +34,8 @@ module calor_stepper
     !> The step that the error control would take next, s; 0 before the first
     real(wp), private :: proposed = 0.0_wp, first = 0.0_wp
     real(wp), allocatable, private :: u_next(:)
+    !> Who hears of each step
+    class(step_listener_t), pointer :: listener => null()
   contains
     !> Integrate from one time to another
     procedure :: advance_to
@@ -151,6 +154,9 @@ contains
     time = time + step
     this%steps = this%steps + 1
     this%accumulated_error = this%accumulated_error + local_error
+    if (associated(this%listener)) then
+      call this%listener%at_step(time, this%steps, this%accumulated_error)
+    end if
     if (present(watcher)) then
       call watcher%stepped(evolution, this%integrator, time, step, u, error)
     end if

@@ -1,0 +1,330 @@
+!> Maps of fields as pictures: colours, a colour bar, lines of equal value, axes in metres.
+!>
+!> The colours are viridis (S. van der Walt, N. Smith, 2015): equal steps of a value look equally
+!> large, in grey too and to those who see few colours.
+module calor_map_picture
+  use calor_field_map, only: field_map_t
+  use calor_gnuplot, only: in_script
+  use calor_isolines, only: find_isolines, even_levels
+  use calor_kinds, only: wp
+  use calor_text, only: to_text
+  implicit none (type, external)
+  private
+
+  public :: map_view_t, map_layout_t, lay_out, map_script, wrapped
+
+  character(len=*), parameter :: end = new_line('a')
+
+  character(len=*), parameter :: viridis(*) = [character(len=7) :: &
+      '#440154', '#482475', '#414487', '#355f8d', '#2a788e', '#21918c', '#22a884', '#44bf70', &
+      '#7ad151', '#bddf26', '#fde725']
+
+  !> A field to draw
+  type :: map_view_t
+    !> Above the map, and beside the colour bar
+    character(len=:), allocatable :: title, label
+    !> On the grid, by column and row
+    real(wp), allocatable :: values(:, :)
+    !> The values at the ends of the colour bar
+    real(wp) :: low = 0.0_wp, high = 1.0_wp
+    !> Whether lines of equal value are drawn
+    logical :: lines = .true.
+  end type map_view_t
+
+  !> Where maps stand in a picture; lengths in pixels
+  type :: map_layout_t
+    !> The picture
+    integer :: width = 0, height = 0
+    !> Maps beside and above each other
+    integer :: across = 1, down = 1
+    !> The axes of a map
+    integer :: map_width = 0, map_height = 0
+    !> Room about them
+    integer :: left = 0, right = 0, top = 0, bottom = 0
+    !> Room for a headline over all maps
+    integer :: head = 0
+    !> Whether the colour bar lies under the map
+    logical :: bar_below = .false.
+    !> Size of letters, points
+    integer :: letters = 16
+  end type map_layout_t
+
+contains
+
+  !> Find room for maps of a grid.
+  pure function lay_out(map, maps, longest, letters, lines_of_title) result(layout)
+    !> The grid
+    type(field_map_t), intent(in) :: map
+    !> How many maps of it are drawn
+    integer, intent(in) :: maps
+    !> The longer side of a map, pixels
+    integer, intent(in) :: longest
+    !> Size of letters, points
+    integer, intent(in) :: letters
+    !> Lines above a map
+    integer, intent(in) :: lines_of_title
+    type(map_layout_t) :: layout
+    !> A map may be wider than high by this factor before the bar goes below
+    real(wp), parameter :: flat = 2.2_wp
+    !> Thin bodies keep so much room, in letters
+    integer, parameter :: thinnest = 3, least_width = 30
+    real(wp) :: aspect
+    integer :: room, unit
+
+    layout%letters = letters
+    ! Points are larger than pixels.
+    unit = (4*letters)/3
+    aspect = real(map%columns, wp)/map%rows
+    layout%map_width = nint(longest*min(1.0_wp, aspect))
+    layout%map_height = nint(longest/max(1.0_wp, aspect))
+    ! A square map is smaller than a long one.
+    if (aspect > 0.6_wp .and. aspect < 1.6_wp) then
+      layout%map_width = nint(0.85_wp*layout%map_width)
+      layout%map_height = nint(0.85_wp*layout%map_height)
+    end if
+    layout%map_width = max(layout%map_width, thinnest*unit)
+    layout%map_height = max(layout%map_height, thinnest*unit)
+    layout%bar_below = aspect > flat
+    layout%left = 8*unit
+    layout%top = nint((1.2_wp + 1.7_wp*lines_of_title)*unit)
+    layout%bottom = 4*unit
+    layout%right = 8*unit
+    if (layout%bar_below) then
+      layout%right = 3*unit
+      layout%bottom = nint(10.5_wp*unit)
+    end if
+    ! The title of a narrow map needs room too.
+    room = least_width*unit - layout%left - layout%right - layout%map_width
+    if (room > 0 .and. maps == 1) then
+      layout%left = layout%left + room/2
+      layout%right = layout%right + room - room/2
+    end if
+    layout%across = maps
+    if (maps > 2) layout%across = merge(1, ceiling(sqrt(real(maps, wp))), layout%bar_below)
+    layout%down = (maps + layout%across - 1)/layout%across
+    if (maps > 1) layout%head = 3*unit
+    layout%width = layout%across*(layout%left + layout%map_width + layout%right)
+    layout%height = layout%head + layout%down*(layout%top + layout%map_height + layout%bottom)
+  end function lay_out
+
+  !> The script of one map, in gnuplot's language, with all numbers in it.
+  function map_script(map, view, layout, place) result(script)
+    !> The grid
+    type(field_map_t), intent(in) :: map
+    !> What is drawn on it
+    type(map_view_t), intent(in) :: view
+    !> Where maps stand
+    type(map_layout_t), intent(in) :: layout
+    !> The number of this one
+    integer, intent(in) :: place
+    character(len=:), allocatable :: script
+    real(wp), allocatable :: levels(:)
+    real(wp) :: low, high, margin
+
+    levels = even_levels(view%low, view%high)
+    low = view%low
+    high = view%high
+    if (size(levels) == 0) then
+      ! A colour bar needs some width.
+      margin = max(abs(low)*1.0e-3_wp, 1.0e-12_wp)
+      low = low - margin
+      high = high + margin
+    end if
+    script = '$map << end_of_data'//end//grid_text(map, view%values)//'end_of_data'//end// &
+             '$dark << end_of_data'//end
+    ! Lines are seen on their ground: light on dark colours, dark on light ones.
+    if (view%lines) script = script//lines_text(map, view, pack(levels, levels < 0.5*(low + high)))
+    script = script//'end_of_data'//end//'$light << end_of_data'//end
+    if (view%lines) script = script//lines_text(map, view, pack(levels, levels >= 0.5*(low + high)))
+    script = script//'end_of_data'//end//frame_script(map, view, layout, place, levels, low, high)
+    script = script//'plot $map matrix using ('//number(map%x0)//'+$1*'//number(map%step)//'):('// &
+             number(map%y0)//'+$2*'//number(map%step)//'):3 with image notitle'
+    if (view%lines) script = script// &
+        ', $dark using 1:2 with lines linewidth 0.8 linecolor "#f0f0f0" notitle'// &
+        ', $light using 1:2 with lines linewidth 0.8 linecolor "#303030" notitle'
+    script = script//end
+  end function map_script
+
+  !> Axes, colour bar and words about a map
+  function frame_script(map, view, layout, place, levels, low, high) result(script)
+    type(field_map_t), intent(in) :: map
+    type(map_view_t), intent(in) :: view
+    type(map_layout_t), intent(in) :: layout
+    integer, intent(in) :: place
+    real(wp), intent(in) :: levels(:), low, high
+    character(len=:), allocatable :: script
+    real(wp) :: x(2), y(2), edge(2), bar(4), unit
+    integer :: column, row, k
+
+    column = mod(place - 1, layout%across)
+    row = (place - 1)/layout%across
+    ! A little more, so that rounding hides no mark at an end
+    x = map%x0 + [-0.501_wp, map%columns - 0.499_wp]*map%step
+    y = map%y0 + [-0.501_wp, map%rows - 0.499_wp]*map%step
+    ! The lower left corner of the axes, from the lower left corner of the picture
+    edge = [real(column*(layout%left + layout%map_width + layout%right) + layout%left, wp), &
+            layout%height - layout%head - real(row*(layout%top + layout%map_height + &
+                                              layout%bottom) + layout%top + layout%map_height, wp)]
+    script = 'set lmargin at screen '//part(edge(1), layout%width)//end// &
+             'set rmargin at screen '//part(edge(1) + layout%map_width, layout%width)//end// &
+             'set bmargin at screen '//part(edge(2), layout%height)//end// &
+             'set tmargin at screen '//part(edge(2) + layout%map_height, layout%height)//end// &
+             'set xrange ['//number(x(1))//':'//number(x(2))//']'//end// &
+             'set yrange ['//number(y(1))//':'//number(y(2))//']'//end// &
+             'set cbrange ['//number(low)//':'//number(high)//']'//end// &
+             'set palette defined ('
+    do k = 1, size(viridis)
+      if (k > 1) script = script//','
+      script = script//to_text(k - 1)//' "'//viridis(k)//'"'
+    end do
+    unit = (4*layout%letters)/3
+    if (layout%bar_below) then
+      bar = [edge(1), edge(2) - 5.5_wp*unit, real(layout%map_width, wp), unit]
+      script = script//')'//end//'set colorbox horizontal'
+    else
+      bar = [edge(1) + layout%map_width + unit, edge(2), unit, real(layout%map_height, wp)]
+      script = script//')'//end//'set colorbox vertical'
+    end if
+    script = script//' user origin '//part(bar(1), layout%width)//','// &
+             part(bar(2), layout%height)//' size '//part(bar(3), layout%width)//','// &
+             part(bar(4), layout%height)//end// &
+             'set title "'//in_script(view%title)//'" noenhanced'//end// &
+             'set xlabel "x, m"'//end//'set ylabel "y, m"'//end// &
+             'set cblabel "'//in_script(view%label)//'" noenhanced'//end// &
+             'set tics out nomirror'//end//'set border 3 linewidth 0.7'//end//'unset key'//end// &
+             'set xtics '//tics(x(2) - x(1), layout%map_width/(6*layout%letters))//end// &
+             'set ytics '//tics(y(2) - y(1), layout%map_height/(3*layout%letters))//end// &
+             'set xlabel offset 0,0.3'//end//'set format cb "%g"'//end//'set cbtics autofreq'//end
+    if (size(levels) == 0) then
+      script = script//'set cbtics ("'//to_text(view%low, digits=6)//'" '//number(view%low)//')'// &
+               end
+    else if (view%lines) then
+      script = script//'set cbtics ('
+      do k = 1, size(levels)
+        if (k > 1) script = script//','
+        script = script//'"'//to_text(levels(k), digits=6)//'" '//number(levels(k))
+      end do
+      script = script//')'//end
+    end if
+  end function frame_script
+
+  !> A step between marks on an axis, 1, 2 or 5 times a power of ten
+  pure function tics(extent, most) result(text)
+    real(wp), intent(in) :: extent
+    !> So many have room
+    integer, intent(in) :: most
+    character(len=:), allocatable :: text
+    real(wp), parameter :: steps(*) = [1.0_wp, 2.0_wp, 5.0_wp, 10.0_wp]
+    real(wp) :: decade
+    integer :: k, parts
+
+    parts = max(2, min(6, most))
+    decade = 10.0_wp**floor(log10(extent/parts))
+    do k = 1, size(steps) - 1
+      if (extent/(steps(k)*decade) <= parts + 0.5_wp) exit
+    end do
+    text = number(steps(k)*decade)
+  end function tics
+
+  pure function part(length, whole) result(text)
+    real(wp), intent(in) :: length
+    integer, intent(in) :: whole
+    character(len=:), allocatable :: text
+
+    text = to_text(length/whole, digits=6)
+  end function part
+
+  pure function number(value) result(text)
+    real(wp), intent(in) :: value
+    character(len=:), allocatable :: text
+
+    text = to_text(value, digits=12)
+    ! gnuplot divides whole numbers as such, and takes 1e400 for none.
+    if (verify(text, '-0123456789') == 0) text = text//'.0'
+  end function number
+
+  !> A matrix of numbers, NaN outside the body
+  function grid_text(map, values) result(text)
+    type(field_map_t), intent(in) :: map
+    real(wp), intent(in) :: values(:, :)
+    character(len=:), allocatable :: text
+    integer, parameter :: width = 14
+    integer :: i, j, at
+
+    allocate (character(len=map%rows*(map%columns*width + 1)) :: text)
+    at = 0
+    do j = 1, map%rows
+      do i = 1, map%columns
+        if (map%inside(i, j)) then
+          write (text(at + 1:at + width), '(es13.5e3,1x)') values(i, j)
+        else
+          text(at + 1:at + width) = 'NaN'
+        end if
+        at = at + width
+      end do
+      text(at + 1:at + 1) = end
+      at = at + 1
+    end do
+  end function grid_text
+
+  !> Pieces of lines, parted by blank lines
+  function lines_text(map, view, levels) result(text)
+    type(field_map_t), intent(in) :: map
+    type(map_view_t), intent(in) :: view
+    real(wp), intent(in) :: levels(:)
+    character(len=:), allocatable :: text
+    character(len=:), allocatable :: buffer
+    integer, parameter :: width = 44
+    real(wp), allocatable :: pieces(:, :)
+    integer :: k, m, at
+
+    text = ''
+    do k = 1, size(levels)
+      call find_isolines(view%values, map%inside, levels(k), pieces)
+      if (allocated(buffer)) deallocate (buffer)
+      allocate (character(len=(2*width + 3)*size(pieces, 2)) :: buffer)
+      at = 0
+      do m = 1, size(pieces, 2)
+        call put(pieces(1:2, m))
+        call put(pieces(3:4, m))
+        buffer(at + 1:at + 1) = end
+        at = at + 1
+      end do
+      text = text//buffer
+    end do
+
+  contains
+
+    subroutine put(place)
+      real(wp), intent(in) :: place(2)
+
+      write (buffer(at + 1:at + width), '(2es22.13e3)') map%x0 + (place(1) - 1)*map%step, &
+          map%y0 + (place(2) - 1)*map%step
+      buffer(at + width + 1:at + width + 1) = end
+      at = at + width + 1
+    end subroutine put
+
+  end function lines_text
+
+  !> A text in lines of no more than so many letters, broken at blanks.
+  pure function wrapped(text, most) result(lines)
+    !> The text
+    character(len=*), intent(in) :: text
+    !> Letters in a line
+    integer, intent(in) :: most
+    character(len=:), allocatable :: lines
+    character(len=:), allocatable :: rest
+    integer :: at
+
+    lines = ''
+    rest = trim(text)
+    do while (len(rest) > most)
+      at = index(rest(:most + 1), ' ', back=.true.)
+      if (at < 2) exit
+      lines = lines//rest(:at - 1)//end
+      rest = adjustl(rest(at + 1:))
+    end do
+    lines = lines//rest
+  end function wrapped
+
+end module calor_map_picture
