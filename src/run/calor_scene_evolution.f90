@@ -142,8 +142,8 @@ contains
     if (allocated(error)) return
     if (own%materials%in_force .or. allocated(conduction%effects)) then
       call conduction%expected_range(lowest, highest)
-      call own%materials%find_content(scene%file, cloud, conduction%effects, lowest, highest, content, &
-                                  error)
+      call own%materials%find_content(scene%file, cloud, conduction%effects, lowest, highest, &
+                                      content, error)
       if (allocated(error)) return
       if (allocated(content)) call conduction%use_content(content, temperature)
     end if
@@ -221,11 +221,10 @@ contains
       real(wp) :: no_normal(2, 0), no_weight(0)
 
       call this%materials%convert(cloud, this%kernel, max(2, scheme%exact_degree()), &
-                                  scheme%rule(), &
-                             rows%radius, [(1, k=0, size(free))], no_normal, &
-                             conduction%laplacian, no_weight, rows%repairs%repair, &
-                             rows%repairs%quality, rows%report, &
-                             by_tensor=this%method%laplacian == 'fatehi_manzari')
+                                  scheme%rule(), rows%radius, [(1, k=0, size(free))], no_normal, &
+                                  conduction%laplacian, no_weight, rows%repairs%repair, &
+                                  rows%repairs%quality, rows%report, &
+                                  by_tensor=this%method%laplacian == 'fatehi_manzari')
     end subroutine convert_inner_rows
 
     !> Rows at particles on walls: those that are not held come after those of particles inside;
@@ -285,10 +284,9 @@ contains
                                 contacts%normal(:, chosen), walls, skin_list)
         if (this%materials%in_force) then
           call this%materials%convert(cloud, this%kernel, wall_degree(scheme), scheme%rule(), &
-                                      radius, first, &
-                                 contacts%normal(:, chosen), walls%laplacian, &
-                                 walls%slope_weight, walls%repair, walls%quality, walls%report, &
-                                 by_tensor=.false.)
+                                      radius, first, contacts%normal(:, chosen), walls%laplacian, &
+                                      walls%slope_weight, walls%repair, walls%quality, &
+                                      walls%report, by_tensor=.false.)
         end if
         contacts%weight(chosen) = walls%slope_weight
       end associate
