@@ -320,6 +320,8 @@ contains
     logical :: answer
     !> Wall particles that follow each other are no farther apart, in spacings
     real(wp), parameter :: next = 1.25_wp
+    !> Less than this counts as nothing, in units of the spacing to the fourth power
+    real(wp), parameter :: touching = 1.0e-9_wp
     logical :: blocked
     integer :: k, i, j
 
@@ -333,8 +335,9 @@ contains
         do j = i + 1, size(x)
           if (.not. wall(j)) cycle
           if (hypot(x(j) - x(i), y(j) - y(i)) > next*min(own(i), own(j))) cycle
+          ! A way through the end of a line is blocked too, whatever rounding makes of it.
           blocked = blocked .or. (turn(i, j, px, py)*turn(i, j, x(k), y(k)) < 0 .and. &
-                                  way(i)*way(j) < 0)
+                                  way(i)*way(j) <= touching*(own(i)*own(j))**2)
         end do
       end do
       answer = .not. blocked

@@ -1031,7 +1031,7 @@ contains
       problem%slowest = max(0.0_wp, -this%rightmost%growth_rate)
       allocate (rate(size(this%temperature)))
       call this%conduction%rate(0.0_wp, this%temperature, rate)
-      problem%scale = max(tiny(1.0_wp), problem%duration*root_mean_square(rate))
+      problem%scale = max(tiny(1.0_wp)**0.25_wp, problem%duration*root_mean_square(rate))
     else
       call stepper%propose_first(this%conduction, 0.0_wp, this%state())
     end if

@@ -99,7 +99,7 @@ contains
     ! exp(√(k² + y²) - k asinh(k/y)): largest, about 1, at k = z tanh g.
     z = 0.5_wp*max(decay, tiny(decay)**0.25_wp)
     flat = z/cosh(roundness)
-    digits = log(1/max(part, epsilon(part)))
+    digits = log(1/min(max(part, epsilon(part)), 0.5_wp))
     low = z*tanh(roundness)
     high = low + sqrt(2*z*digits) + digits + 4
     do k = 1, 40
