@@ -108,8 +108,8 @@ targets() {
         $c["total_seconds"] != "" && $c["relative_l2_error"] <= target+0 &&
           (best == "" || $c["total_seconds"] < best) { best = $c["total_seconds"] }
         END { print best }' "$2")" '
-      /^  run/ {
-        chosen = $0; sub(/^  run */, "", chosen); sub(/,.*/, "", chosen)
+      /^  (pilot|run)/ {
+        chosen = $0; sub(/^  (pilot|run) */, "", chosen); sub(/,.*/, "", chosen)
         spacing = $0; sub(/ m apart.*/, "", spacing); sub(/.* /, "", spacing)
       }
       END {
