@@ -835,8 +835,8 @@ contains
   subroutine rate(this, time, u, du)
     class(chain_t), intent(inout) :: this
     real(wp), intent(in) :: time
-    real(wp), intent(in) :: u(:)
-    real(wp), intent(out) :: du(:)
+    real(wp), intent(in), contiguous :: u(:)
+    real(wp), intent(out), contiguous :: du(:)
     real(wp), allocatable :: slope(:)
 
     call move_alloc(this%slope, slope)
@@ -853,8 +853,8 @@ contains
 
   subroutine jacobian_product(this, v, product)
     class(chain_t), intent(inout) :: this
-    real(wp), intent(in) :: v(:)
-    real(wp), intent(out) :: product(:)
+    real(wp), intent(in), contiguous :: v(:)
+    real(wp), intent(out), contiguous :: product(:)
 
     product = -2*this%stiffness*v
     product(2:) = product(2:) + (1 + this%skew)*this%stiffness/(1 + abs(this%skew))*v(:this%n - 1)
@@ -867,14 +867,14 @@ contains
   subroutine impose(this, time, u)
     class(chain_t), intent(inout) :: this
     real(wp), intent(in) :: time
-    real(wp), intent(inout) :: u(:)
+    real(wp), intent(inout), contiguous :: u(:)
 
     if (this%held) u(1) = sin(time)
   end subroutine impose
 
   subroutine clear_prescribed(this, v)
     class(chain_t), intent(in) :: this
-    real(wp), intent(inout) :: v(:)
+    real(wp), intent(inout), contiguous :: v(:)
 
     if (this%held) v(1) = 0
   end subroutine clear_prescribed
@@ -882,7 +882,7 @@ contains
   subroutine inspect(this, time, u, error)
     class(chain_t), intent(inout) :: this
     real(wp), intent(in) :: time
-    real(wp), intent(in) :: u(:)
+    real(wp), intent(in), contiguous :: u(:)
     type(error_t), allocatable, intent(out) :: error
 
     associate (unused => this, also => time, and => u)
@@ -892,7 +892,7 @@ contains
   subroutine linearise(this, time, u)
     class(chain_t), intent(inout) :: this
     real(wp), intent(in) :: time
-    real(wp), intent(in) :: u(:)
+    real(wp), intent(in), contiguous :: u(:)
 
     associate (unused => time)
     end associate

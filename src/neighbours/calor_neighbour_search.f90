@@ -248,7 +248,7 @@ contains
     !> Number of neighbours of each row, or where they begin in `index`
     integer(i8), intent(inout), contiguous :: first(:)
     !> Neighbours, row after row
-    integer(ip), intent(inout), optional, contiguous :: index(:)
+    integer(ip), intent(inout), optional :: index(:)
 
     associate (cells => sorted%cells)
       if (sorted%everyone) then
@@ -268,7 +268,7 @@ contains
     real(wp), intent(in), contiguous :: x(:), y(:)
     real(wp), intent(in) :: radius(:)
     integer(i8), intent(inout), contiguous :: first(:)
-    integer(ip), intent(inout), optional, contiguous :: index(:)
+    integer(ip), intent(inout), optional :: index(:)
     integer :: chunk, chunk_rows, chunks, from, to
 
     chunk_rows = max(least_rows, size(row)/(chunks_per_thread*omp_get_max_threads()))
@@ -292,7 +292,7 @@ contains
     !> First and last of the rows of this chunk
     integer, intent(in) :: from, to
     integer(i8), intent(inout), contiguous :: first(:)
-    integer(ip), intent(inout), optional, contiguous :: index(:)
+    integer(ip), intent(inout), optional :: index(:)
     type(candidates_t) :: candidates
     integer(ip), allocatable :: found(:)
     real(wp) :: r, reach
@@ -458,7 +458,7 @@ contains
     integer(ip), intent(in), contiguous :: found(:)
     !> Where rows begin in the list, and the list
     integer(i8), intent(in), contiguous :: first(:)
-    integer(ip), intent(inout), contiguous :: index(:)
+    integer(ip), intent(inout) :: index(:)
     integer(i8) :: begin
     integer :: entry, k, length, taken
 

@@ -132,8 +132,8 @@ contains
   subroutine rate(this, time, u, du)
     class(conduction_t), intent(inout) :: this
     real(wp), intent(in) :: time
-    real(wp), intent(in) :: u(:)
-    real(wp), intent(out) :: du(:)
+    real(wp), intent(in), contiguous :: u(:)
+    real(wp), intent(out), contiguous :: du(:)
 
     if (allocated(this%content)) then
       call this%content%evaluate(u, this%temperature, this%potential)
@@ -150,8 +150,8 @@ contains
   !> these that steps have to be chosen, not by the spectrum at one state.
   subroutine jacobian_product(this, v, product)
     class(conduction_t), intent(inout) :: this
-    real(wp), intent(in) :: v(:)
-    real(wp), intent(out) :: product(:)
+    real(wp), intent(in), contiguous :: v(:)
+    real(wp), intent(out), contiguous :: product(:)
 
     if (allocated(this%content)) then
       ! No state is at work: its arrays serve.
@@ -174,9 +174,9 @@ contains
   !> What conduction makes of temperatures
   subroutine apply_rows(this, temperature, rate)
     class(conduction_t), intent(in) :: this
-    real(wp), intent(in) :: temperature(:)
+    real(wp), intent(in), contiguous :: temperature(:)
     !> Set at all particles that have a row
-    real(wp), intent(inout) :: rate(:)
+    real(wp), intent(inout), contiguous :: rate(:)
 
     if (this%stream%stands_for(this%laplacian)) then
       call this%stream%apply(this%diffusivity, temperature, rate)
@@ -227,7 +227,7 @@ contains
   subroutine follow(this, x, y, places)
     class(conduction_t), intent(inout) :: this
     !> Where particles are, m
-    real(wp), intent(in) :: x(:), y(:)
+    real(wp), intent(in), contiguous :: x(:), y(:)
     !> Where they will be in the steps to come
     type(places_t), intent(in) :: places
     integer :: k
@@ -253,7 +253,7 @@ contains
     !> Time, s
     real(wp), intent(in) :: time
     !> Rates of all particles, K/s; those of held ones are set
-    real(wp), intent(inout) :: rate(:)
+    real(wp), intent(inout), contiguous :: rate(:)
     type(expression_t) :: expression
     real(wp), allocatable :: before(:), after(:)
     real(wp) :: step
@@ -282,9 +282,9 @@ contains
   subroutine find_temperature(this, state, temperature)
     class(conduction_t), intent(inout) :: this
     !> State of each particle
-    real(wp), intent(in) :: state(:)
+    real(wp), intent(in), contiguous :: state(:)
     !> Its temperature
-    real(wp), intent(out) :: temperature(:)
+    real(wp), intent(out), contiguous :: temperature(:)
 
     real(wp), allocatable :: potential(:)
 
@@ -299,9 +299,9 @@ contains
   subroutine find_potential(this, state, potential)
     class(conduction_t), intent(inout) :: this
     !> State of each particle
-    real(wp), intent(in) :: state(:)
+    real(wp), intent(in), contiguous :: state(:)
     !> What the rows are applied to: Kirchhoff's potential, or the temperature
-    real(wp), intent(out) :: potential(:)
+    real(wp), intent(out), contiguous :: potential(:)
     real(wp), allocatable :: temperature(:)
 
     if (allocated(this%content)) then
@@ -315,9 +315,9 @@ contains
   pure subroutine find_state(this, temperature, state)
     class(conduction_t), intent(in) :: this
     !> Temperature of each particle
-    real(wp), intent(in) :: temperature(:)
+    real(wp), intent(in), contiguous :: temperature(:)
     !> Its state
-    real(wp), intent(out) :: state(:)
+    real(wp), intent(out), contiguous :: state(:)
     integer :: k
 
     if (allocated(this%content)) then
@@ -330,9 +330,9 @@ contains
   pure subroutine find_liquid_fraction(this, state, fraction)
     class(conduction_t), intent(in) :: this
     !> State of each particle
-    real(wp), intent(in) :: state(:)
+    real(wp), intent(in), contiguous :: state(:)
     !> From 0, solid, to 1, liquid; 0 where nothing melts
-    real(wp), intent(out) :: fraction(:)
+    real(wp), intent(out), contiguous :: fraction(:)
 
     fraction = 0
     if (allocated(this%content)) call this%content%find_liquid_fraction(state, fraction)
@@ -342,8 +342,8 @@ contains
   subroutine add_effects(this, time, u, du)
     class(conduction_t), intent(inout) :: this
     real(wp), intent(in) :: time
-    real(wp), intent(in) :: u(:)
-    real(wp), intent(inout) :: du(:)
+    real(wp), intent(in), contiguous :: u(:)
+    real(wp), intent(inout), contiguous :: du(:)
     integer :: k
 
     !$omp parallel do if (size(du) > worth_threads) schedule(static) default(shared) private(k)
@@ -370,7 +370,7 @@ contains
     !> What the scene calls for; moved. Not allocated: nothing
     type(effect_slot_t), allocatable, intent(inout) :: effects(:)
     !> Their temperatures at the start
-    real(wp), intent(in) :: temperature(:)
+    real(wp), intent(in), contiguous :: temperature(:)
     !> What the scene asks for cannot be had
     type(error_t), allocatable, intent(out) :: error
     integer :: k
@@ -393,7 +393,7 @@ contains
     !> The laws, tabulated
     type(heat_content_t), intent(in) :: content
     !> The temperatures at the start
-    real(wp), intent(in) :: temperature(:)
+    real(wp), intent(in), contiguous :: temperature(:)
 
     this%content = content
     allocate (this%temperature(size(temperature)), source=temperature)
@@ -405,7 +405,7 @@ contains
   subroutine linearise(this, time, u)
     class(conduction_t), intent(inout) :: this
     real(wp), intent(in) :: time
-    real(wp), intent(in) :: u(:)
+    real(wp), intent(in), contiguous :: u(:)
     real(wp), allocatable :: temperature(:)
 
     if (allocated(this%content)) then
@@ -421,8 +421,8 @@ contains
   subroutine find_slope(this, time, temperature, slope)
     class(conduction_t), intent(inout) :: this
     real(wp), intent(in) :: time
-    real(wp), intent(in) :: temperature(:)
-    real(wp), intent(out) :: slope(:)
+    real(wp), intent(in), contiguous :: temperature(:)
+    real(wp), intent(out), contiguous :: slope(:)
     integer :: k
 
     slope = 0
@@ -542,7 +542,7 @@ contains
   subroutine impose(this, time, u)
     class(conduction_t), intent(inout) :: this
     real(wp), intent(in) :: time
-    real(wp), intent(inout) :: u(:)
+    real(wp), intent(inout), contiguous :: u(:)
     integer :: k
 
     do k = 1, size(this%prescribed)
@@ -557,7 +557,7 @@ contains
 
     pure function states_of(particle, temperature) result(state)
       integer, intent(in) :: particle(:)
-      real(wp), intent(in) :: temperature(:)
+      real(wp), intent(in), contiguous :: temperature(:)
       real(wp) :: state(size(temperature))
 
       call this%content%find_state(particle, temperature, state)
@@ -567,7 +567,7 @@ contains
 
   subroutine clear_prescribed(this, v)
     class(conduction_t), intent(in) :: this
-    real(wp), intent(inout) :: v(:)
+    real(wp), intent(inout), contiguous :: v(:)
     integer :: k
 
     do k = 1, size(this%prescribed)
@@ -578,7 +578,7 @@ contains
   subroutine inspect(this, time, u, error)
     class(conduction_t), intent(inout) :: this
     real(wp), intent(in) :: time
-    real(wp), intent(in) :: u(:)
+    real(wp), intent(in), contiguous :: u(:)
     type(error_t), allocatable, intent(out) :: error
     real(wp), allocatable :: temperature(:)
 
@@ -595,7 +595,7 @@ contains
   subroutine inspect_temperature(this, time, u, error)
     class(conduction_t), intent(inout) :: this
     real(wp), intent(in) :: time
-    real(wp), intent(in) :: u(:)
+    real(wp), intent(in), contiguous :: u(:)
     type(error_t), allocatable, intent(out) :: error
     real(wp) :: low, high, range, rounding, worst, outside
     integer :: k, particle
@@ -787,7 +787,7 @@ contains
   subroutine note_range(this, temperature)
     class(conduction_t), intent(inout) :: this
     !> Temperatures that are given, not computed
-    real(wp), intent(in) :: temperature(:)
+    real(wp), intent(in), contiguous :: temperature(:)
 
     if (size(temperature) == 0) return
     ! An expression without a value: the stepper notices what comes of it

@@ -53,7 +53,7 @@ contains
     class(implicit_system_t), intent(inout) :: this
     !> J by rows; rows of prescribed entries are empty
     integer, intent(in) :: first(:), index(:)
-    real(wp), intent(in) :: value(:)
+    real(wp), intent(in), contiguous :: value(:)
 
     type(sparse_matrix_t) :: jacobian
 
