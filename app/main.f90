@@ -125,7 +125,7 @@ contains
     if (.not. quiet) call say('')
     said = everything_said()
     call progress%begin(scene%time%end, quiet, asked%has('--verbose'))
-    call simulation%run(error, progress)
+    call simulation%run(error, progress, lean=.true.)
     call progress%finish()
     if (allocated(error) .or. quiet) return
     call say_lines(describe_result(simulation))

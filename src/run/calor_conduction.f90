@@ -68,6 +68,8 @@ module calor_conduction
     character(len=:), allocatable :: suspicion
     !> The Laplacian's rows, laid out for speed
     type(streamed_rows_t), private :: stream
+    !> Whether that is all that is left of them
+    logical, private :: only_streamed = .false.
     !> How far the last state left the range, and for how many steps that has grown
     real(wp), private :: excursion = 0.0_wp
     integer, private :: growing_steps = 0
@@ -111,6 +113,10 @@ module calor_conduction
     !> Lay out the Laplacian's rows for speed: to be called when they are complete, and again after
     !> any change
     procedure :: stream_rows
+    !> Free the rows as they were assembled, where those laid out for speed do for all steps to come
+    procedure :: keep_streamed_rows
+    !> Whether the rows laid out for speed are those of the Laplacian
+    procedure, private :: is_streamed
     procedure, private :: apply_rows
     procedure, private :: add_effects
     procedure, private :: find_slope
@@ -169,7 +175,27 @@ contains
     class(conduction_t), intent(inout) :: this
 
     call this%stream%lay_out(this%laplacian, this%unknowns())
+    this%only_streamed = .false.
   end subroutine stream_rows
+
+  !> Afterwards `laplacian` tells its targets only: there is no Jacobian to hand out, nor a bound of
+  !> the spectrum, until rows are assembled anew. Nothing happens where rows could not be laid out.
+  subroutine keep_streamed_rows(this)
+    class(conduction_t), intent(inout) :: this
+
+    if (this%only_streamed .or. .not. this%is_streamed()) return
+    deallocate (this%laplacian%first, this%laplacian%index, this%laplacian%weight, &
+                this%laplacian%diagonal)
+    this%only_streamed = .true.
+  end subroutine keep_streamed_rows
+
+  pure function is_streamed(this) result(answer)
+    class(conduction_t), intent(in) :: this
+    logical :: answer
+
+    answer = this%only_streamed
+    if (.not. answer) answer = this%stream%stands_for(this%laplacian)
+  end function is_streamed
 
   !> What conduction makes of temperatures
   subroutine apply_rows(this, temperature, rate)
@@ -178,7 +204,7 @@ contains
     !> Set at all particles that have a row
     real(wp), intent(inout), contiguous :: rate(:)
 
-    if (this%stream%stands_for(this%laplacian)) then
+    if (this%is_streamed()) then
       call this%stream%apply(this%diffusivity, temperature, rate)
     else
       call this%laplacian%apply_at_targets(this%diffusivity, temperature, rate)
@@ -195,7 +221,7 @@ contains
     real(wp), intent(inout), contiguous :: work(:)
 
     if (allocated(this%effects) .or. allocated(this%content) .or. &
-        .not. this%stream%stands_for(this%laplacian)) then
+        .not. this%is_streamed()) then
       call rate_in_parts(this, time, c, newer, start, rate_start, older, work)
     else
       call this%stream%combine([c(1:4), c(5)*this%diffusivity], newer, older, start, rate_start)
@@ -212,7 +238,7 @@ contains
 
     ! Written out: an absent contiguous argument cannot be handed on in this compiler
     if (allocated(this%slope) .or. allocated(this%content) .or. &
-        .not. this%stream%stands_for(this%laplacian)) then
+        .not. this%is_streamed()) then
       if (present(start) .and. present(rate_start)) then
         call jacobian_in_parts(this, c, newer, older, work, start, rate_start)
       else
