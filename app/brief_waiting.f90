@@ -1,9 +1,9 @@
 !> Threads that do not wait for each other at others' expense.
 !>
 !> A thread that has done its part of a loop spins, by default for milliseconds, until the others
-!> have done theirs. Where other programs use the machine as well, it so keeps from its core the very
-!> thread it waits for, and loops of microseconds take milliseconds. The OpenMP library reads how
-!> long to spin before the program begins, so the program begins once more, with that set.
+!> have done theirs. Where other programs use the machine as well, it so keeps from its core the
+!> very thread it waits for, and loops of microseconds take milliseconds. The OpenMP library reads
+!> how long to spin before the program begins, so the program begins once more, with that set.
 module brief_waiting
   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_loc, c_null_char, c_null_ptr, c_ptr, &
                                          c_size_t
@@ -20,6 +20,7 @@ module brief_waiting
   integer, parameter :: longest_path = 4096
 
   interface
+    ! allow(assumed-size)
     function setenv(name, value, overwrite) bind(c, name='setenv') result(status)
       import :: c_char, c_int
       implicit none (type, external)
@@ -28,6 +29,7 @@ module brief_waiting
       integer(c_int) :: status
     end function setenv
 
+    ! allow(assumed-size)
     function readlink(path, buffer, length) bind(c, name='readlink') result(used)
       import :: c_char, c_size_t
       implicit none (type, external)
@@ -37,6 +39,7 @@ module brief_waiting
       integer(c_size_t) :: used
     end function readlink
 
+    ! allow(assumed-size)
     function execv(path, arguments) bind(c, name='execv') result(status)
       import :: c_char, c_int, c_ptr
       implicit none (type, external)
