@@ -11,6 +11,7 @@
 !>                              what the following work with
 !>     matrix FILE              these rows as raw numbers
 !>     mkl LIBRARY              hand them to MKL; 1 if it is there
+!>     single | double          have steps take weights in that precision from now on
 !>     triad | rate | stage | csr | product    seconds of one of each; bytes that it moves
 !>     five_point N             the plate to t = 0.05 on a lattice of N intervals a side, by forward
 !>                              Euler steps in a plain loop: seconds, relative L2 error
@@ -80,6 +81,10 @@ program bench
       write (*, '(i0)') merge(1, 0, mkl%ready)
     case ('five_point')
       call time_five_point()
+    case ('single', 'double')
+      conduction%single_weights = command == 'single'
+      call conduction%stream_rows()
+      write (*, '(a)') '1'
     case ('memory')
       call tell_memory()
     case default
@@ -287,8 +292,9 @@ contains
     entries = real(size(conduction%laplacian%index, kind=i8), wp)
     ! An index and a weight for each neighbour, and vectors: of a stage five sweeps (one of them
     ! read and written) and the particle's place, of a rate three
-    bytes = 12*entries + 28.0_wp*n
-    if (name == 'stage' .or. name == 'triad') bytes = 12*entries + 44.0_wp*n
+    bytes = 12*entries
+    if (conduction%single_weights) bytes = 8*entries
+    bytes = bytes + merge(44.0_wp, 28.0_wp, name == 'stage' .or. name == 'triad')*n
     if (name == 'triad') call reserve(nint(bytes/24))
     do repeat = 1, repeats
       began = omp_get_wtime()

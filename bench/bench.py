@@ -192,7 +192,16 @@ def measure_steps(bench, sizes):
                     matrix, vector = read_matrix(program, csr_matrix)
                     measurements["scipy product"] = lambda: timed(lambda: matrix @ vector)
                 item = f"{rest[0] + 1:.0f} entries"
-                for name, (seconds, rest) in in_turn(measurements).items():
+                results = in_turn(measurements)
+                # The same with weights in single precision, MKL's product again beside it
+                program.ask("single")
+                again = in_turn({name: measurements[name] for name in ("triad", "stage", "product")
+                                 if name in measurements})
+                program.ask("double")
+                results.update({f"{name} (32-bit weights)" if name != "product" else
+                                "product (beside 32-bit weights)": value
+                                for name, value in again.items()})
+                for name, (seconds, rest) in results.items():
                     note("steps", f"{name}, {item}", program.particles, threads, item, "ns per particle",
                          1e9 * seconds / program.particles, "ns")
                     if rest:
@@ -495,12 +504,15 @@ def targets():
              row[1].startswith("stage") and row[5] == "ns per particle"]
     for row in steps:
         entries, particles = row[4], row[2]
-        mkl = found("steps", f"product, {entries}", "ns per particle", particles, 2)
-        triad = found("steps", f"triad, {entries}", "ns per particle", particles, 2)
-        lines.append((f"stage, {entries}, {particles} particles, 2 threads", "MKL's product alone",
+        kind = " (32-bit weights)" if "32-bit" in row[1] else ""
+        product = "product (beside 32-bit weights)" if kind else "product"
+        mkl = found("steps", f"{product}, {entries}", "ns per particle", particles, 2)
+        triad = found("steps", f"triad{kind}, {entries}", "ns per particle", particles, 2)
+        title = f"stage{kind}, {entries}, {particles} particles, 2 threads"
+        lines.append((title, "MKL's product alone",
                       f"{row[6]:.2f} ns, MKL {mkl:.2f} ns, {row[6] / mkl:.2f} of it",
                       verdict(row[6], mkl)))
-        lines.append((f"stage, {entries}, {particles} particles, 2 threads", "85 % of a triad",
+        lines.append((title, "85 % of a triad",
                       f"{100 * triad / row[6]:.0f} %", verdict(0.85, triad / row[6])))
     for name in ("fatehi_manzari", "consistent 4", "stage"):
         slope = exponent(name)

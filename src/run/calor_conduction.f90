@@ -66,6 +66,8 @@ module calor_conduction
     real(wp) :: lowest = huge(1.0_wp), highest = -huge(1.0_wp)
     !> What to blame should the numbers go wrong, in a sentence; not allocated: the scheme
     character(len=:), allocatable :: suspicion
+    !> Whether the rows laid out for speed have weights in single precision
+    logical :: single_weights = .false.
     !> The Laplacian's rows, laid out for speed
     type(streamed_rows_t), private :: stream
     !> Whether that is all that is left of them
@@ -174,7 +176,7 @@ contains
   subroutine stream_rows(this)
     class(conduction_t), intent(inout) :: this
 
-    call this%stream%lay_out(this%laplacian, this%unknowns())
+    call this%stream%lay_out(this%laplacian, this%unknowns(), this%single_weights)
     this%only_streamed = .false.
   end subroutine stream_rows
 
