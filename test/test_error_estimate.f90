@@ -317,7 +317,7 @@ contains
     real(wp) :: true_error, estimated, of_space
 
     call run_scene(swirl('0.005'), coarse, error)
-    if (.not. allocated(error)) call run_scene(swirl('0.0005'), fine, error)
+    if (.not. allocated(error)) call run_scene(swirl('0.001'), fine, error)
     if (allocated(error)) return
     truth = fine%temperature + fine%error_estimate() - coarse%temperature
     true_error = norm2(truth)
