@@ -3,7 +3,8 @@
 !>
 !> Where regions overlap, the later group wins. A conductivity is a tensor [κxx κxy; κxy κyy]. What
 !> depends on the place and on the temperature is a product of a function of either: properties at
-!> places are those at a reference temperature, and how they change with it is a calor_heat_law.
+!> places are those at a reference temperature, and how they change with it is a calor_heat_law. An
+!> isotropic conductivity need not be such a product: see calor_local_conductivity.
 module calor_materials
   use calor_error, only: error_t, raise, status_bad_input
   use calor_expression, only: expression_t, compile_expression
@@ -36,6 +37,8 @@ module calor_materials
     logical :: graded = .false.
     !> Whether the conductivity, and whether density or heat capacity depend on the temperature
     logical :: conducts_by_temperature = .false., stores_by_temperature = .false.
+    !> Whether the conductivity is a product of a function of the place and one of the temperature
+    logical :: is_product = .true.
     !> Where the scene has the conductivity, the density and the heat capacity
     character(len=:), allocatable :: place, density_place, capacity_place
   end type material_t
@@ -353,9 +356,10 @@ contains
   end subroutine fill
 
   !> Where a property depends on the temperature, it has to be positive at all that may occur, and
-  !> the product of a function of the place and one of the temperature.
+  !> the product of a function of the place and one of the temperature, unless it is the
+  !> conductivity of an isotropic material.
   subroutine check_range(this, x, y, material, lowest, highest, error)
-    class(materials_t), intent(in) :: this
+    class(materials_t), intent(inout) :: this
     !> Coordinates of the particles, m, and the material of each
     real(wp), intent(in) :: x(:), y(:)
     integer, intent(in) :: material(:)
@@ -372,7 +376,11 @@ contains
       if (size(member) == 0) cycle
       associate (one => this%list(k))
         if (one%conducts_by_temperature) then
-          call check_product(one%conductivity(:merge(1, 3, one%isotropic)), one%place)
+          if (one%isotropic) then
+            call check_product([one%conductivity(1)], one%place, one%is_product)
+          else
+            call check_product(one%conductivity, one%place)
+          end if
           if (allocated(error)) return
         end if
         if (one%stores_by_temperature) then
@@ -387,13 +395,15 @@ contains
   contains
 
     !> Whether all expressions are f(T) times what they are at the reference temperature, f > 0.
-    subroutine check_product(texts, place)
+    !> Where the answer is not asked for it must be yes.
+    subroutine check_product(texts, place, is_product)
       type(text_t), intent(in) :: texts(:)
       character(len=*), intent(in) :: place
+      logical, intent(inout), optional :: is_product
       type(materials_t) :: warm
       real(wp) :: cold_value(size(member)), value(size(member)), factor
       real(wp), parameter :: rounding = 1.0e-9_wp
-      integer :: component, step
+      integer :: component, step, worst
 
       do step = 0, temperatures - 1
         warm%reference = lowest + (highest - lowest)*step/(temperatures - 1)
@@ -402,15 +412,20 @@ contains
           call warm%evaluate(texts(component), x(member), y(member), value)
           if (component == 1) then
             factor = value(1)/cold_value(1)
-            if (.not. (factor > 0 .and. factor <= huge(factor) .and. &
-                       value(1)*cold_value(1) > 0)) then
+            worst = findloc(value*cold_value > 0 .and. value/cold_value <= huge(factor), .false., &
+                            dim=1)
+            if (worst > 0) then
               call raise(error, status_bad_input, place//': it must be greater than 0 wherever '// &
-                         'the temperature may come, not '//to_text(value(1), digits=6)// &
+                         'the temperature may come, not '//to_text(value(worst), digits=6)// &
                          ' as at T = '//to_text(warm%reference, digits=6)//'.')
               return
             end if
           end if
           if (all(abs(value - factor*cold_value) <= rounding*abs(factor*cold_value))) cycle
+          if (present(is_product)) then
+            is_product = .false.
+            cycle
+          end if
           call raise(error, status_bad_input, place//': how it depends on T must be the same '// &
                      'everywhere in the material, and for all components of a tensor: write it '// &
                      'as a function of x and y times a function of T, or give several groups '// &
