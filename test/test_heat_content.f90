@@ -678,13 +678,12 @@ contains
     character(len=*), parameter :: text = '&scene exact_expression = '''//u//''' / &initial '// &
         'temperature_expression = ''2+sin(x+0.3)*cos(y+0.2)'' / &boundary value_expression = '''// &
         u//''' / &material conductivity_expression = ''1+x*T^2/4'' density_expression = '// &
-        '''2+x'' heat_capacity_expression = ''exp(T/5)'' / &boundary on = ''right'' kind = ''flux'' '// &
-        'flux_expression = ''(1+x*'//u//'^2/4)*'//ux//''' / '
+        '''2+x'' heat_capacity_expression = ''exp(T/5)'' / &boundary on = ''right'' kind = '// &
+        '''flux'' flux_expression = ''(1+x*'//u//'^2/4)*'//ux//''' / '
     character(len=*), parameter :: steady = '&source power_expression = ''-'//flow//''' / '// &
         '&time steady = .true. tolerance = 1e-12 / '
-    character(len=*), &
-        parameter :: in_time = '&source power_expression = ''(2+x)*exp('//u//'/5)*'// &
-        ut//'-'//flow//''' / &time end = 0.03 tolerance = 1e-9 / '
+    character(len=*), parameter :: in_time = '&source power_expression = ''(2+x)*exp('//u// &
+        '/5)*'//ut//'-'//flow//''' / &time end = 0.03 tolerance = 1e-9 / '
 
     call check_orders(text//schemes(1)//steady, 1.7_wp, error)
     if (allocated(error)) return
