@@ -11,7 +11,7 @@ module calor_materials
   use calor_kinds, only: wp
   use calor_scene_file, only: scene_file_t, group_t
   use calor_scene_getters, only: get_expression, get_varying, place_of, raise_at
-  use calor_text, only: text_t, to_text
+  use calor_text, only: text_t, to_text, append
   implicit none (type, external)
   private
 
@@ -37,10 +37,14 @@ module calor_materials
     logical :: graded = .false.
     !> Whether the conductivity, and whether density or heat capacity depend on the temperature
     logical :: conducts_by_temperature = .false., stores_by_temperature = .false.
+    !> Whether density or heat capacity depend on x or y
+    logical :: stores_by_place = .false.
     !> Whether the conductivity is a product of a function of the place and one of the temperature
     logical :: is_product = .true.
     !> Where the scene has the conductivity, the density and the heat capacity
     character(len=:), allocatable :: place, density_place, capacity_place
+    !> Where it says where it is; empty where it is everywhere
+    character(len=:), allocatable :: region_place
   end type material_t
 
   !> All materials of a scene
@@ -60,6 +64,8 @@ module calor_materials
     procedure :: fill
     !> Check that they are positive, and products, at all temperatures of a range
     procedure :: check_range
+    !> What of them is more than one constant isotropic material, and where the scene says so
+    procedure :: in_force
     procedure, private :: evaluate
   end type materials_t
 
@@ -144,22 +150,26 @@ contains
       end do
     end if
     call read_value(group, 'density', material%density, material%density_place, error, 1.0_wp, &
-                    warms=material%stores_by_temperature)
+                    warms=material%stores_by_temperature, varies=material%stores_by_place)
     if (allocated(error)) return
     call read_value(group, 'heat_capacity', material%heat_capacity, material%capacity_place, &
-                    error, 1.0_wp, warms=material%stores_by_temperature)
+                    error, 1.0_wp, warms=material%stores_by_temperature, &
+                    varies=material%stores_by_place)
     if (allocated(error)) return
     material%everywhere = .not. group%has('where_expression')
+    material%region_place = ''
     if (material%everywhere) return
     call get_expression(group, 'where_expression', region, error)
     if (allocated(error)) return
     material%region%value = region%source()
+    material%region_place = place_of(group, 'where_expression')
     if (.not. (region%uses('t') .or. region%uses('T'))) return
     call raise_at(error, group, 'where_expression', 'it may depend on x and y only.')
   end subroutine read_one
 
   !> Read a property; of a conductivity, note what it depends on.
-  subroutine read_value(group, key, text, place, error, default, material, warms)
+  subroutine read_value(group, key, text, place, error, default, material, warms, &
+                        varies)
     type(group_t), intent(in) :: group
     !> The key without `_expression`
     character(len=*), intent(in) :: key
@@ -173,6 +183,8 @@ contains
     type(material_t), intent(inout), optional :: material
     !> Becomes true where it depends on the temperature
     logical, intent(inout), optional :: warms
+    !> Becomes true where it depends on the place
+    logical, intent(inout), optional :: varies
     type(expression_t) :: expression
 
     call get_varying(group, key, expression, error, default)
@@ -187,10 +199,39 @@ contains
       return
     end if
     if (present(warms)) warms = warms .or. expression%uses('T')
+    if (present(varies)) varies = varies .or. expression%uses('x') .or. expression%uses('y')
     if (.not. present(material)) return
     if (expression%uses('x') .or. expression%uses('y')) material%graded = .true.
     if (expression%uses('T')) material%conducts_by_temperature = .true.
   end subroutine read_value
+
+  function in_force(this) result(texts)
+    class(materials_t), intent(in) :: this
+    !> A text for each such thing
+    type(text_t), allocatable :: texts(:)
+    integer :: k
+
+    allocate (texts(0))
+    if (.not. allocated(this%list)) return
+    do k = 1, size(this%list)
+      associate (one => this%list(k))
+        if (.not. one%everywhere) call append(texts, 'material in a region ('//one%region_place//')')
+        if (.not. one%isotropic) call append(texts, 'anisotropic conductivity ('//one%place//')')
+        if (one%graded) call append(texts, 'conductivity of the place ('//one%place//')')
+        if (one%conducts_by_temperature) then
+          call append(texts, 'conductivity of the temperature ('//one%place//')')
+        end if
+        if (one%stores_by_place) then
+          call append(texts, 'heat capacity of the place ('//one%density_place//', '// &
+                      one%capacity_place//')')
+        end if
+        if (one%stores_by_temperature) then
+          call append(texts, 'heat capacity of the temperature ('//one%density_place//', '// &
+                      one%capacity_place//')')
+        end if
+      end associate
+    end do
+  end function in_force
 
   subroutine which(this, x, y, material)
     class(materials_t), intent(in) :: this
