@@ -378,9 +378,11 @@ contains
     call check(error, size(full%effects_in_force()), 7)
     if (allocated(error)) return
     call run_scene(square(10, 0.0_wp)//'&boundary value = 1 / &time end = 0.01 / '// &
-                   '&material conductivity_expression = ''1+T'' / &material conductivity_xx = 1 '// &
-                   'conductivity_yy_expression = ''1+x'' density_expression = ''1+y'' '// &
-                   'where_expression = ''x > 0.9'' heat_capacity_expression = ''1+T'' / ', full, error)
+                   '&material conductivity_expression = ''1+T'' / &material '// &
+                   'conductivity_xx_expression = ''(1+x)*(1+T)'' conductivity_yy_expression = '// &
+                   '''2*(1+x)*(1+T)'' density_expression = ''1+y'' where_expression = '// &
+                   '''x > 0.9'' heat_capacity_expression = ''1+T'' / ', &
+                   full, error)
     if (allocated(error)) return
     call check_names(full%effects_in_force(), error)
   end subroutine test_absent
@@ -400,7 +402,7 @@ contains
                  trim(wanted(k)))
       if (allocated(error)) return
     end do
-    call check(error, size(texts), 8)
+    call check(error, size(texts), 9)
   end subroutine check_names
 
   subroutine test_kelvin(error)

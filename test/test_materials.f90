@@ -301,8 +301,8 @@ contains
     end do
   end subroutine test_tensor_rows
 
-  !> Principal conductivities 1 and 1/1000 at 30° on random clouds: most rows are as the paper writes
-  !> them, the others are that on larger supports, and all are exact.
+  !> Principal conductivities 1 and 1/1000 at 30° on random clouds: most rows are as the paper
+  !> writes them, the others are that on larger supports, and all are exact.
   subroutine test_many_tensor_rows(error)
     type(error_type), allocatable, intent(out) :: error
     integer, parameter :: n = 14, clouds = 20

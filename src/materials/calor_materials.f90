@@ -215,7 +215,9 @@ contains
     if (.not. allocated(this%list)) return
     do k = 1, size(this%list)
       associate (one => this%list(k))
-        if (.not. one%everywhere) call append(texts, 'material in a region ('//one%region_place//')')
+        if (.not. one%everywhere) then
+          call append(texts, 'material in a region ('//one%region_place//')')
+        end if
         if (.not. one%isotropic) call append(texts, 'anisotropic conductivity ('//one%place//')')
         if (one%graded) call append(texts, 'conductivity of the place ('//one%place//')')
         if (one%conducts_by_temperature) then
