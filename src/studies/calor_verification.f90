@@ -82,6 +82,8 @@ module calor_verification
                           error_of_field, 0.0_wp, 1.0e-4_wp), &
       verification_case_t('l_shape', 'L, steady, relative imbalance of the heat budget', &
                           imbalance, 0.0_wp, 1.0e-6_wp), &
+      verification_case_t('l_shape', 'L, steady, K at (2, 1), by spacings down to 0.005 m', &
+                          temperature_at, 22.9864_wp, 0.005_wp, 2.0_wp, 1.0_wp), &
       verification_case_t('stefan_0_1', 'Stefan number 0.1, similarity solution, front, m', &
                           melted_length, 0.6_wp, 0.02_wp), &
       verification_case_t('stefan_1', 'Stefan number 1, similarity solution, front, m', &
