@@ -101,6 +101,16 @@ contains
     end if
   end function scheme
 
+  !> Whether anything melts
+  pure function melts(simulation) result(answer)
+    type(simulation_t), intent(in) :: simulation
+    logical :: answer
+
+    answer = .false.
+    if (.not. allocated(simulation%conduction%content)) return
+    answer = any(simulation%conduction%content%law%melts)
+  end function melts
+
   !> What a run did: steps, wall time by phase, the error if it is known, the file.
   function describe_result(simulation) result(lines)
     !> A simulation after `run`
@@ -120,7 +130,7 @@ contains
     end if
     call add(lines, 'Temperature', to_text(minval(simulation%temperature), digits=6)//' to '// &
              to_text(maxval(simulation%temperature), digits=6))
-    if (allocated(simulation%content)) then
+    if (melts(simulation)) then
       call add(lines, 'Liquid', to_text(100*sum(simulation%cloud%area* &
              simulation%liquid_fraction())/sum(simulation%cloud%area), digits=4)//' % of the body')
     end if

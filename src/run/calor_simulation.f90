@@ -17,6 +17,7 @@ module calor_simulation
   use calor_kinds, only: wp, ip
   use calor_laplacian_schemes, only: usual_support
   use calor_local_polynomial, only: interpolate_field
+  use calor_materials, only: materials_t, read_materials
   use calor_method_choice, only: method_choice_t, problem_t, foresee_costs
   use calor_rightmost_eigenvalue, only: rightmost_t, find_rightmost
   use calor_row_report, only: row_report_t
@@ -489,6 +490,8 @@ contains
   function effects_in_force(this) result(texts)
     class(simulation_t), intent(in) :: this
     type(text_t), allocatable :: texts(:)
+    type(materials_t) :: materials
+    type(error_t), allocatable :: error
     integer :: k
 
     call append(texts, 'conduction')
@@ -504,6 +507,9 @@ contains
         call append(texts, 'shifting ('//this%scene%motion%place//')')
       end if
     end if
+    ! They have been read before.
+    call read_materials(this%scene%file, materials, error)
+    texts = [texts, materials%in_force()]
     if (.not. allocated(this%conduction%effects)) return
     do k = 1, size(this%conduction%effects)
       associate (effect => this%conduction%effects(k)%effect)
