@@ -28,6 +28,12 @@ contains
                 new_unittest('scenes with other shapes and walls', test_scenes), &
                 new_unittest('initial temperatures that jump', test_jumps), &
                 new_unittest('steady temperatures', test_steady), &
+                new_unittest('particles in rigid motion', test_rigid_motion), &
+                new_unittest('particles that move past each other', test_shear), &
+                new_unittest('steps of the motion', test_motion_steps), &
+                new_unittest('a melting front', test_melting), &
+                new_unittest('a melting body at rest', test_melting_steady), &
+                new_unittest('what an estimate from above cannot do', test_refused), &
                 new_unittest('a field that the scheme gets right', test_exact), &
                 new_unittest('what is written', test_written), &
                 new_unittest('without it nothing is carried along', test_absent) &
@@ -242,6 +248,189 @@ contains
       end do
     end do
   end subroutine test_steady
+
+  !> A warm spot is carried round, by rows that go with it.
+  subroutine test_rigid_motion(error)
+    type(test_error), allocatable, intent(out) :: error
+    character(len=*), parameter :: spot = &
+      '0.04/(0.04+0.004*t)*exp(-((x-0.4*cos(t))^2+(y-0.4*sin(t))^2)/(0.08+0.008*t))'
+    character(len=30), parameter :: arrangements(*) = [character(len=30) :: &
+        '"lattice"', '"jittered" jitter = 0.2', '"jittered" jitter = 0.3']
+    character(len=*), &
+        parameter :: schemes(*) = [character(len=30) :: 'laplacian="fatehi_manzari"', &
+                                                 'laplacian="consistent" order=4']
+    type(simulation_t) :: simulation
+    integer :: j, k
+
+    do k = 1, size(arrangements)
+      do j = 1, size(schemes)
+        call run_scene('&scene exact_expression = "'//spot//'" / '// &
+                       '&domain shape = "disc" radius = 1 spacing = 0.07 arrangement = '// &
+                       trim(arrangements(k))//' / &material conductivity = 0.002 / '// &
+                       '&initial temperature_expression = "exp(-((x-0.4)^2+y^2)/0.08)" / '// &
+                       '&boundary value_expression = "'//spot//'" / '// &
+                       '&motion velocity_x_expression = "-y" velocity_y_expression = "x" / '// &
+                       '&time end = 1.5 / &scheme '//trim(schemes(j))//' / '// &
+                       '&accuracy estimate = T /', simulation, error)
+        if (allocated(error)) return
+        call judge(simulation, 3.0_wp, trim(schemes(j))//', '//trim(arrangements(k)), error)
+        if (allocated(error)) return
+      end do
+    end do
+  end subroutine test_rigid_motion
+
+  !> A disc, insulated, that turns faster within than outside: a field that depends on the radius
+  !> alone decays as at rest. With shifting, the field is carried to new places as well.
+  subroutine test_shear(error)
+    type(test_error), allocatable, intent(out) :: error
+    character(len=*), &
+        parameter :: schemes(*) = [character(len=30) :: 'laplacian="fatehi_manzari"', &
+                                                 'laplacian="consistent" order=4']
+    character(len=*), parameter :: shifting(*) = ['F', 'T']
+    type(simulation_t) :: simulation
+    integer :: j, k
+
+    do k = 1, size(shifting)
+      do j = 1, size(schemes)
+        call run_scene('&scene exact_expression = "j0(3.8317059702075123*sqrt(x*x+y*y))'// &
+                       '*exp(-14.681970642123893*t)" / '// &
+                       '&domain shape = "disc" radius = 1 spacing = 0.1 '// &
+                       'arrangement = "jittered" jitter = 0.2 / '// &
+                       '&initial temperature_expression = '// &
+                       '"j0(3.8317059702075123*sqrt(x*x+y*y))" / '// &
+                       '&boundary kind = "insulated" / '// &
+                       '&motion velocity_x_expression = "-6*y*exp(-2*(x^2+y^2))" '// &
+                       'velocity_y_expression = "6*x*exp(-2*(x^2+y^2))" shifting = '// &
+                       shifting(k)//' / &time end = 0.05 / &scheme '//trim(schemes(j))//' / '// &
+                       '&accuracy estimate = T /', simulation, error)
+        if (allocated(error)) return
+        call judge(simulation, 1.5_wp, trim(schemes(j))//', shifting '//shifting(k), error)
+        if (allocated(error)) return
+      end do
+    end do
+  end subroutine test_shear
+
+  !> Where steps of the motion are long their error, that of rows which stay what they are in the
+  !> middle, is a large part of all; the truth is a run with steps so short that none of it is left,
+  !> less the error of space that is estimated for it.
+  subroutine test_motion_steps(error)
+    type(test_error), allocatable, intent(out) :: error
+    type(simulation_t) :: coarse, fine
+    real(wp), allocatable :: truth(:)
+    real(wp) :: true_error, estimated, of_space
+
+    call run_scene(swirl('0.005'), coarse, error)
+    if (.not. allocated(error)) call run_scene(swirl('0.001'), fine, error)
+    if (allocated(error)) return
+    truth = fine%temperature + fine%error_estimate() - coarse%temperature
+    true_error = norm2(truth)
+    estimated = norm2(coarse%error_estimate())
+    of_space = norm2(fine%error_estimate())
+    call check(error, true_error > 1.2_wp*of_space, 'steps make no error to speak of')
+    if (allocated(error)) return
+    call check(error, estimated/true_error >= lowest .and. estimated/true_error <= highest, &
+               'estimated '//to_text(estimated, digits=3)//', true '//to_text(true_error, digits=3))
+    if (allocated(error)) return
+    ! Not the size alone
+    call check(error, norm2(coarse%error_estimate() - truth) < 0.35_wp*true_error)
+
+  contains
+
+    function swirl(step) result(text)
+      character(len=*), intent(in) :: step
+      character(len=:), allocatable :: text
+
+      text = '&domain shape = "disc" radius = 1 spacing = 0.06 / '// &
+             '&initial temperature_expression = "exp(-12*((x-0.2)^2+y^2))" / '// &
+             '&boundary kind = "temperature" value = 0 / '// &
+             '&motion velocity_x_expression = "-6*y*exp(-2*(x^2+y^2))" '// &
+             'velocity_y_expression = "6*x*exp(-2*(x^2+y^2))" step = '//step//' / '// &
+             '&time end = 0.02 tolerance = 1e-8 / &scheme laplacian = "consistent" order = 6 / '// &
+             '&accuracy estimate = T /'
+    end function swirl
+
+  end subroutine test_motion_steps
+
+  !> The one-phase Stefan problem: the estimate is one from above, but not far.
+  subroutine test_melting(error)
+    type(test_error), allocatable, intent(out) :: error
+    character(len=40), parameter :: arrangements(*) = [character(len=40) :: &
+        '"lattice"', '"jittered" jitter = 0.2', '"jittered" jitter = 0.2 seed = 2', '"relaxed"']
+    !> The true error of the coarser run is twice that of the run or more, and the two may have
+    !> different signs; on relaxed clouds, whose wall layers differ, most (measured: up to 4.4)
+    real(wp), parameter :: most(*) = [3.0_wp, 3.0_wp, 3.0_wp, 5.0_wp]
+    type(simulation_t) :: simulation
+    real(wp) :: effectivity
+    integer :: k
+
+    do k = 1, size(arrangements)
+      call run_scene(stefan(trim(arrangements(k))), simulation, error)
+      if (allocated(error)) return
+      effectivity = simulation%estimated_error()/simulation%relative_l2_error()
+      call check(error, effectivity >= 1 .and. effectivity <= most(k), trim(arrangements(k))// &
+                 ': estimated over true '//to_text(effectivity, digits=3))
+      if (allocated(error)) return
+    end do
+
+  contains
+
+    function stefan(arrangement) result(text)
+      character(len=*), intent(in) :: arrangement
+      character(len=:), allocatable :: text
+
+      text = '&scene exact_expression = "(x<2*0.6200626333*sqrt(t)) ? '// &
+             '1-erf(x/(2*sqrt(t+1e-300)))/erf(0.6200626333) : 0" / '// &
+             '&domain x_range = 0, 1 y_range = 0, 0.2 spacing = 0.02 '// &
+             'arrangement = '//arrangement//' / '// &
+             '&material latent_heat = 1 solidus = 0 liquidus = 0 / &initial temperature = 0 / '// &
+             '&boundary on = "all" kind = "insulated" / '// &
+             '&boundary on = "left" kind = "temperature" value = 1 / '// &
+             '&time end = 0.234083816 / &accuracy estimate = T / '
+    end function stefan
+
+  end subroutine test_melting
+
+  !> In a steady state latent heat plays no part: the error is that of conduction.
+  subroutine test_melting_steady(error)
+    type(test_error), allocatable, intent(out) :: error
+    type(simulation_t) :: simulation
+
+    call run_scene('&scene exact_expression = "exp(x)*sin(y)" / '// &
+                   '&domain x_range = 0, 1 y_range = 0, 1 spacing = 0.05 '// &
+                   'arrangement = "jittered" jitter = 0.2 / '// &
+                   '&material latent_heat = 1 solidus = 0.5 liquidus = 0.6 / '// &
+                   '&initial temperature = 0 / '// &
+                   '&boundary on = "all" value_expression = "exp(x)*sin(y)" / '// &
+                   '&time steady = T / &accuracy estimate = T / ', simulation, error)
+    if (allocated(error)) return
+    call judge(simulation, 3.0_wp, 'steady', error)
+  end subroutine test_melting_steady
+
+  subroutine test_refused(error)
+    type(test_error), allocatable, intent(out) :: error
+
+    call refuse('&accuracy target = 1e-3 /', 'too little to choose by')
+    if (allocated(error)) return
+    call refuse('&accuracy estimate = T / &output file = "a.vtkhdf" fields = "temperature", '// &
+                '"temperature_corrected" /', 'from above only')
+
+  contains
+
+    subroutine refuse(groups, reason)
+      character(len=*), intent(in) :: groups, reason
+      type(scene_t) :: scene
+      type(error_t), allocatable :: failure
+
+      call interpret_scene('&domain x_range = 0, 1 y_range = 0, 1 spacing = 0.1 / '// &
+                           '&material latent_heat = 1 solidus = 0 liquidus = 0 / '// &
+                           '&initial temperature = 0 / &boundary kind = "insulated" / '// &
+                           '&time end = 1 / '//groups, scene, failure)
+      call check(error, allocated(failure), groups//' was taken')
+      if (allocated(error)) return
+      call check(error, index(failure%message, reason) > 0, failure%message)
+    end subroutine refuse
+
+  end subroutine test_refused
 
   !> A quadratic field at rest: no error, and none is estimated.
   subroutine test_exact(error)

@@ -14,11 +14,14 @@ module calor_simulation
   use calor_integrators, only: make_integrator
   use calor_kernel, only: kernel_t
   use calor_kernels, only: make_kernel
-  use calor_kinds, only: wp
+  use calor_kinds, only: wp, ip
   use calor_laplacian_schemes, only: usual_support
+  use calor_local_polynomial, only: interpolate_field
+  use calor_materials, only: materials_t, read_materials
   use calor_method_choice, only: method_choice_t, problem_t, foresee_costs
   use calor_rightmost_eigenvalue, only: rightmost_t, find_rightmost
   use calor_row_report, only: row_report_t
+  use calor_rows_in_motion, only: rows_in_motion_t
   use calor_scene, only: scene_t
   use calor_scene_body, only: make_scene_body
   use calor_scene_cloud, only: make_scene_cloud
@@ -49,6 +52,9 @@ module calor_simulation
   real(wp), parameter :: rounding = 1.0e-11_wp
   !> Error of one step, as a part of the range of given temperatures, where the scene gives none
   real(wp), parameter :: default_tolerance = 1.0e-6_wp
+
+  character(len=*), parameter :: coarser_run = 'In the run with particles twice as far apart, '// &
+                                               'from which the error is estimated: '
 
   !> A scene at work
   type :: simulation_t
@@ -90,8 +96,14 @@ module calor_simulation
     real(wp), allocatable :: temperature(:)
     !> The error of the temperatures, where the scene asks for it
     type(error_transport_t), allocatable :: estimate
+    !> Where something melts: the same scene with particles twice as far apart, which tells the
+    !> error; a simulation_t (gfortran 12 fails on types that hold their own kind)
+    class(*), allocatable :: coarser
     !> How particles move; not allocated where nothing moves
     type(motion_t), allocatable :: motion
+    !> The rows of the estimate's reference on their way with the particles, where both are in force
+    type(motion_t), allocatable, private :: reference_motion
+    type(scene_t), allocatable, private :: reference_scene
     !> The unknowns, where they are not the temperatures: heat contents, K
     real(wp), allocatable :: content(:)
     !> Wall time by phase
@@ -123,6 +135,8 @@ module calor_simulation
     procedure :: knows_exact
     !> ‖u - u_exact‖ / ‖u_exact‖ in the L2 norm over the body, by the particles' areas
     procedure :: relative_l2_error
+    !> Whether the scene asks for an estimate of the error
+    procedure :: estimates_error
     !> Estimate of that error, from the error carried along
     procedure :: estimated_error
     !> Estimate of the largest error of a temperature, K
@@ -131,6 +145,7 @@ module calor_simulation
     procedure :: error_estimate
     procedure, private :: temperature_slope
     procedure, private :: prepare_estimate
+    procedure, private :: prepare_coarser
     !> How much of each particle is liquid, from 0 to 1
     procedure :: liquid_fraction
     procedure, private :: state
@@ -143,7 +158,10 @@ module calor_simulation
     procedure, private :: choose_steps
     procedure, private :: choose_method
     procedure, private :: states_after_start
+    procedure, private :: advance_resting
     procedure, private :: advance_moving
+    procedure, private :: take_reference_along
+    procedure, private :: shift_particles
     procedure, private :: settle_rows
     procedure, private :: adopt_rows
     procedure, private :: check_rows
@@ -248,7 +266,11 @@ contains
     end if
     if (scene%accuracy%estimate) then
       call this%stopwatch%start('error estimate')
-      call this%prepare_estimate(error, further)
+      if (scene%melts .and. .not. scene%time%steady) then
+        call this%prepare_coarser(error, further)
+      else
+        call this%prepare_estimate(error, further)
+      end if
       if (allocated(error)) return
     end if
     call this%stopwatch%stop()
@@ -296,7 +318,7 @@ contains
       end if
       call this%stopwatch%start('output')
       call this%note_budget()
-      if (allocated(this%estimate)) then
+      if (this%estimates_error()) then
         call file%write_state(this%time, this%temperature, this%exact, file_error, &
                               this%liquid_fraction(), this%error_estimate())
       else
@@ -318,7 +340,7 @@ contains
     if (.not. allocated(file_error)) then
       call file%write_budget(this%budget, this%entries)
       if (this%knows_exact()) call file%note('relative_l2_error', this%relative_l2_error())
-      if (allocated(this%estimate)) then
+      if (this%estimates_error()) then
         call file%note('estimated_error', this%estimated_error())
         call file%note('estimated_maximum_error', this%estimated_maximum_error())
       end if
@@ -486,6 +508,8 @@ contains
   function effects_in_force(this) result(texts)
     class(simulation_t), intent(in) :: this
     type(text_t), allocatable :: texts(:)
+    type(materials_t) :: materials
+    type(error_t), allocatable :: error
     integer :: k
 
     call append(texts, 'conduction')
@@ -501,6 +525,9 @@ contains
         call append(texts, 'shifting ('//this%scene%motion%place//')')
       end if
     end if
+    ! They have been read before.
+    call read_materials(this%scene%file, materials, error)
+    texts = [texts, materials%in_force()]
     if (.not. allocated(this%conduction%effects)) return
     do k = 1, size(this%conduction%effects)
       associate (effect => this%conduction%effects(k)%effect)
@@ -519,8 +546,27 @@ contains
     if (allocated(this%motion)) then
       call this%advance_moving(time, error)
       call this%stopwatch%stop()
-      return
+    else
+      call this%advance_resting(time, error)
     end if
+    if (.not. allocated(this%coarser) .or. allocated(error)) return
+    call this%stopwatch%start('error estimate')
+    select type (coarser => this%coarser)
+    type is (simulation_t)
+      call coarser%advance_to(time, error)
+    end select
+    call this%stopwatch%stop()
+    if (allocated(error)) error%message = coarser_run//error%message
+  end subroutine advance_to
+
+  !> Step to a time with the rows as they are.
+  subroutine advance_resting(this, time, error)
+    class(simulation_t), intent(inout) :: this
+    !> Time to reach, s
+    real(wp), intent(in) :: time
+    !> The numbers went wrong
+    type(error_t), allocatable, intent(out) :: error
+
     if (allocated(this%content)) then
       call advance(this%content)
       call this%conduction%find_temperature(this%content, this%temperature)
@@ -548,7 +594,7 @@ contains
       end if
     end subroutine advance
 
-  end subroutine advance_to
+  end subroutine advance_resting
 
   !> Step to a time while particles move: each step of the motion has rows of its own, for the cloud
   !> in its middle, and conduction takes as many steps in it as it needs.
@@ -560,6 +606,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(scene_rows_t) :: rows
     type(error_t), allocatable :: ignored
+    type(rows_in_motion_t) :: change
     real(wp) :: until
     logical :: renewed
 
@@ -572,30 +619,100 @@ contains
       call this%motion%enter_middle(this%scene, this%cloud, this%conduction, rows, renewed, &
                                     error, this%stopwatch)
       if (.not. allocated(error) .and. renewed) call this%adopt_rows(rows, error)
+      if (.not. allocated(error) .and. allocated(this%estimate)) then
+        call this%take_reference_along(renewed, change, error)
+      end if
       if (allocated(error)) then
         ! Back to the last good state
         call this%motion%go_to(this%time, this%cloud, this%conduction)
         call this%settle_rows(ignored)
         return
       end if
-      call this%stopwatch%start('steps')
       call this%stepper%integrator%restart()
-      if (allocated(this%content)) then
-        call this%stepper%advance_to(this%conduction, this%time, until, this%content, error)
-        call this%conduction%find_temperature(this%content, this%temperature)
-      else
-        call this%stepper%advance_to(this%conduction, this%time, until, this%temperature, error)
-      end if
+      call this%advance_resting(until, error)
       call this%stopwatch%start('motion')
       call this%motion%go_to(this%time, this%cloud, this%conduction)
       if (allocated(error)) return
       if (this%scene%motion%shifting) then
         call this%stopwatch%start('shifting')
-        call this%motion%shift(this%scene, this%cloud, this%conduction, this%temperature)
-        call this%conduction%impose(this%time, this%temperature)
+        call this%shift_particles(error)
+        if (allocated(error)) return
       end if
     end do
   end subroutine advance_moving
+
+  !> Make the reference's rows for where the cloud is now: amid a step of the motion.
+  subroutine take_reference_along(this, renewed, change, error)
+    class(simulation_t), intent(inout) :: this
+    !> Whether the scene's own rows are new
+    logical, intent(in) :: renewed
+    !> How the reference's rows change
+    type(rows_in_motion_t), intent(inout) :: change
+    !> There are none
+    type(error_t), allocatable, intent(out) :: error
+    type(scene_rows_t) :: rows
+    logical :: reference_renewed
+
+    call this%stopwatch%start('error estimate')
+    select type (reference => this%estimate%reference)
+    type is (conduction_t)
+      associate (motion => this%reference_motion, path => this%motion%path)
+        call change%note_before(reference, this%time, this%state(), motion%rows_time)
+        call motion%accompany(this%motion)
+        call motion%enter_middle(this%reference_scene, this%cloud, reference, rows, &
+                                 reference_renewed, error, this%stopwatch)
+        if (allocated(error)) return
+        if (.not. (renewed .or. reference_renewed)) return
+        call reference%linearise(this%time, this%state())
+        call change%note_after(reference, this%time, this%state(), motion%rows_time, path%step)
+        call this%estimate%add_source(change%mean, change%slope, path%time + 0.5_wp*path%step)
+        call this%estimate%renew(this%conduction, this%time, this%state(), &
+                                 reference%spectral_bound())
+      end associate
+    end select
+  end subroutine take_reference_along
+
+  !> Spread particles evenly, and take the temperatures and their error to the new places.
+  subroutine shift_particles(this, error)
+    class(simulation_t), intent(inout) :: this
+    !> There are no rows for the new places
+    type(error_t), allocatable, intent(out) :: error
+    type(scene_rows_t) :: rows
+    logical :: renewed
+    real(wp), allocatable :: x(:), y(:), further_x(:), further_y(:), better(:)
+    integer(ip), allocatable :: origin(:)
+
+    call this%motion%find_shift(this%cloud, x, y, origin)
+    if (allocated(this%estimate)) better = this%temperature
+    call this%motion%carry(this%scene, this%cloud, origin, x, y, this%temperature)
+    if (allocated(this%estimate)) then
+      ! The reference carries the field to a higher order; the difference is an error.
+      further_x = x
+      further_y = y
+      call this%reference_motion%carry(this%reference_scene, this%cloud, origin, further_x, &
+                                       further_y, better)
+      where (further_x /= x .or. further_y /= y) better = this%temperature
+      better = better - this%temperature
+      further_x = x
+      further_y = y
+      call this%reference_motion%carry(this%reference_scene, this%cloud, origin, further_x, &
+                                       further_y, this%estimate%error)
+      this%estimate%error = this%estimate%error + better
+      call this%conduction%clear_prescribed(this%estimate%error)
+    end if
+    call this%motion%move_to(x, y, this%cloud, this%conduction)
+    call this%conduction%impose(this%time, this%temperature)
+    if (.not. allocated(this%estimate)) return
+    ! How rows change with the motion is seen by those of the same particles.
+    select type (reference => this%estimate%reference)
+    type is (conduction_t)
+      call this%stopwatch%start('error estimate')
+      call this%reference_motion%accompany(this%motion)
+      call this%reference_motion%renew_rows(this%reference_scene, this%cloud, reference, rows, &
+                                            renewed, error, this%stopwatch)
+      this%reference_motion%rows_time = this%time
+    end select
+  end subroutine shift_particles
 
   !> Rows for where the particles are, as what is told of a state needs them.
   subroutine settle_rows(this, error)
@@ -688,11 +805,32 @@ contains
     if (norm > 0) deviation = deviation/norm
   end function relative_l2_error
 
+  function estimates_error(this) result(answer)
+    class(simulation_t), intent(in) :: this
+    logical :: answer
+
+    answer = allocated(this%estimate) .or. allocated(this%coarser)
+  end function estimates_error
+
   !> The error of each temperature: what is carried along is that of the unknown.
+  !>
+  !> Where something melts the front lies anywhere between particles, and errors are of first order:
+  !> those of the coarser run are about twice as large.
   function error_estimate(this) result(deviation)
     class(simulation_t), intent(in) :: this
     real(wp), allocatable :: deviation(:)
 
+    if (allocated(this%coarser)) then
+      allocate (deviation(size(this%temperature)))
+      select type (coarser => this%coarser)
+      type is (simulation_t)
+        call interpolate_field(coarser%cloud%x, coarser%cloud%y, coarser%temperature, &
+                               coarser%cloud%spacing, 1, this%cloud%x, this%cloud%y, deviation)
+      end select
+      deviation = this%temperature - deviation
+      call this%conduction%clear_prescribed(deviation)
+      return
+    end if
     deviation = this%estimate%error
     ! A steady state is found in terms of the temperature.
     if (allocated(this%content) .and. .not. this%scene%time%steady) then
@@ -731,6 +869,26 @@ contains
     largest = maxval(abs(this%error_estimate()))
   end function estimated_maximum_error
 
+  !> The same scene with particles twice as far apart.
+  subroutine prepare_coarser(this, error, further)
+    class(simulation_t), intent(inout) :: this
+    type(error_t), allocatable, intent(out) :: error
+    type(effect_slot_t), intent(in), optional :: further(:)
+    type(scene_t) :: scene
+
+    scene = this%scene
+    scene%accuracy%estimate = .false.
+    scene%domain%spacing = 2*this%cloud%spacing
+    scene%output%file = ''
+    allocate (simulation_t :: this%coarser)
+    select type (coarser => this%coarser)
+    type is (simulation_t)
+      call coarser%prepare(scene, error, further, uncertified=.true.)
+      if (.not. allocated(error)) call coarser%certify(error)
+    end select
+    if (allocated(error)) error%message = coarser_run//error%message
+  end subroutine prepare_coarser
+
   !> The same problem by a scheme of higher order, with which the error is carried along.
   !>
   !> On most clouds the solution of an odd order p has order p + 1, as that of p + 1 has: so the
@@ -742,6 +900,7 @@ contains
     type(scene_t) :: scene
     type(conduction_t) :: reference
     type(scene_rows_t) :: rows
+    type(row_maker_t) :: maker
     type(expression_t) :: initial
     type(body_t) :: body
     real(wp), allocatable :: temperature(:)
@@ -757,8 +916,14 @@ contains
     scene%support = usual_support('consistent', scene%order)
     temperature = this%temperature
     call make_scene_evolution(scene, this%cloud, scene_method(scene), temperature, reference, &
-                              rows, error, further=further)
+                              rows, error, further=further, maker=maker)
     if (allocated(error)) return
+    if (allocated(this%motion)) then
+      allocate (this%reference_motion)
+      call this%reference_motion%prepare(scene, this%cloud, reference, maker, rows%radius, error)
+      if (allocated(error)) return
+      this%reference_scene = scene
+    end if
     allocate (this%estimate)
     call this%estimate%begin(this%conduction, reference, this%time, this%state(), &
                              reference%spectral_bound())
