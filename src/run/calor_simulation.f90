@@ -1022,7 +1022,12 @@ contains
     real(wp), allocatable :: slope(:)
 
     call move_alloc(this%conduction%slope, slope)
-    if (this%conduction%laplacian%gershgorin_right_end() > 0) then
+    if (allocated(this%conduction%jumps)) then
+      ! What jumps add to weights may have any sign.
+      call linearise_evenly()
+      call find_rightmost(this%conduction, this%stepper%spectral_radius, this%rightmost)
+      call this%conduction%assume_stiffest()
+    else if (this%conduction%laplacian%gershgorin_right_end() > 0) then
       call find_rightmost(this%conduction, this%stepper%spectral_radius, this%rightmost)
     else
       this%rightmost%converged = .true.
@@ -1044,6 +1049,22 @@ contains
       this%conduction%suspicion = 'The scheme has no unstable eigenvalue on this cloud, so the '// &
                                   'step is too long: take a smaller &time step or tolerance.'
     end if
+
+  contains
+
+    !> About one temperature everywhere, in the middle of those given: the largest derivatives, each
+    !> taken at another temperature, do not belong together.
+    subroutine linearise_evenly()
+      real(wp), allocatable :: state(:)
+
+      allocate (state(this%conduction%unknowns()))
+      associate (conduction => this%conduction)
+        call conduction%find_state(spread(0.5_wp*(conduction%lowest + conduction%highest), 1, &
+                                          size(state)), state)
+        call conduction%linearise(this%time, state)
+      end associate
+    end subroutine linearise_evenly
+
   end subroutine find_growth
 
   !> New rows have a spectrum of their own, of which Gershgorin's bound is known at no cost.
