@@ -136,7 +136,7 @@ contains
     end if
     if (size(simulation%entries) > 0) call add(lines, 'Heat', budget(simulation))
     if (allocated(simulation%motion)) call add(lines, 'Motion', motion(simulation))
-    if (allocated(simulation%estimate)) call add(lines, 'Estimate', estimate())
+    if (simulation%estimates_error()) call add(lines, 'Estimate', estimate())
     if (simulation%knows_exact()) then
       call add(lines, 'Error', 'relative L2 error '// &
                to_text(simulation%relative_l2_error(), digits=3)//' at t = '// &
@@ -159,6 +159,10 @@ contains
       text = 'relative L2 error '//to_text(simulation%estimated_error(), digits=3)//', at most '// &
              to_text(simulation%estimated_maximum_error(), digits=3)//' K at a particle'
       if (simulation%scene%time%steady) return
+      if (allocated(simulation%coarser)) then
+        text = text//'; an estimate from above, by a run with particles twice as far apart'
+        return
+      end if
       text = text//'; the estimates of the steps add up to '// &
              to_text(simulation%stepper%accumulated_error, digits=2)//' K'
     end function estimate
