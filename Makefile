@@ -39,6 +39,9 @@ export PKG_CONFIG_PATH := $(CURDIR)/build/pkgconfig:$(PKG_CONFIG_PATH)
 export CALOR_PROGRAM  = $(abspath $(BIN))/calor
 export CALOR_EXAMPLES = $(abspath $(EXAMPLES))
 
+# Threads of tests and measurements spin as briefly as those of the program: see app/brief_waiting.f90.
+export GOMP_SPINCOUNT ?= 1000
+
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):[^#]*## \(.*\)/\1|\2/p' $(MAKEFILE_LIST) | \
 	while IFS='|' read -r name text; do printf 'make %-14s %s\n' "$$name" "$$text"; done

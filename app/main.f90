@@ -14,6 +14,7 @@ program main
                    convergence_study_t, describe_convergence, check_convergence_files, &
                    write_convergence, draw_convergence, convergence_table_file, &
                    convergence_pictures
+  use brief_waiting, only: wait_briefly
   use command_call, only: call_t, read_call
   use completion, only: completion_script
   use convergence_progress, only: convergence_progress_t
@@ -38,6 +39,7 @@ program main
   integer :: status
   logical :: said
 
+  call wait_briefly()
   ! A full disk shall end in a message of ours, neither in HDF5's own nor in a signal.
   call skip_hdf5_cleanup()
   call ignore_file_size_signal()
@@ -125,7 +127,7 @@ contains
     if (.not. quiet) call say('')
     said = everything_said()
     call progress%begin(scene%time%end, quiet, asked%has('--verbose'))
-    call simulation%run(error, progress)
+    call simulation%run(error, progress, lean=.true.)
     call progress%finish()
     if (allocated(error) .or. quiet) return
     call say_lines(describe_result(simulation))

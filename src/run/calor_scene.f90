@@ -161,6 +161,8 @@ module calor_scene
     integer :: order = default_order
     !> Whether poor rows are repaired
     logical :: support_growth = .true.
+    !> Whether steps take weights in single precision
+    logical :: single_weights = .false.
     !> Whether rows that cannot be exact, and an unstable operator, are run nevertheless
     logical :: allow_inexact_rows = .false., allow_unstable = .false.
     !> Whether the body is of one constant isotropic material, and that; the groups of any other are

@@ -303,6 +303,8 @@ contains
     call get(group, 'allow_inexact_rows', scene%allow_inexact_rows, error, default=.false.)
     if (allocated(error)) return
     call get(group, 'allow_unstable', scene%allow_unstable, error, default=.false.)
+    if (allocated(error)) return
+    call get(group, 'single_weights', scene%single_weights, error, default=.false.)
   end subroutine read_method
 
   !> What the body consists of and how warm it is at the start

@@ -118,6 +118,7 @@ module calor_simulation
     procedure :: prepare
     !> Step to the end and write what the scene asks for
     procedure :: run
+    procedure, private :: free_rows
     !> Find the steady temperature
     procedure :: settle
     !> Step to a time
@@ -275,12 +276,14 @@ contains
     call this%stopwatch%stop()
   end subroutine prepare
 
-  subroutine run(this, error, observer)
+  subroutine run(this, error, observer, lean)
     class(simulation_t), intent(inout) :: this
     !> The numbers went wrong, or a file could not be written
     type(error_t), allocatable, intent(out) :: error
     !> Who is told about the progress
     class(observer_t), intent(inout), optional, target :: observer
+    !> Keep no more of what is known of the rows than steps and files need
+    logical, intent(in), optional :: lean
     type(simulation_file_t) :: file
     type(error_t), allocatable :: file_error
     integer :: written, states
@@ -297,6 +300,7 @@ contains
       call file%say('time_method', this%method)
     end if
     if (.not. allocated(this%motion)) call this%write_row_fields(file)
+    if (present(lean)) call this%free_rows(lean)
     states = this%states_after_start()
     do written = 0, states
       if (written > 0) then
@@ -365,6 +369,20 @@ contains
       states = max(1, ceiling(this%scene%time%end/this%scene%output%every*(1 - 1.0e-12_wp)))
     end if
   end function states_after_start
+
+  !> Free what set-up has left of rows and steps do not need. Implicit steps and the estimate of the
+  !> error take the rows as they were assembled, moving particles new ones.
+  subroutine free_rows(this, lean)
+    class(simulation_t), intent(inout) :: this
+    logical, intent(in) :: lean
+
+    if (.not. lean .or. allocated(this%motion) .or. allocated(this%estimate)) return
+    if (this%scene%time%steady .or. this%method == 'tr_bdf2') return
+    call this%conduction%keep_streamed_rows()
+    this%report = row_report_t()
+    this%repairs = row_repairs_t()
+    if (allocated(this%radius)) deallocate (this%radius)
+  end subroutine free_rows
 
   !> Fields about the rows, which change only where particles move, if the scene asks for them.
   subroutine write_row_fields(this, file)

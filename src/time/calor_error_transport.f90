@@ -96,7 +96,8 @@ contains
     !> The same with a higher order
     class(evolution_t), intent(in) :: reference
     !> Time, s, and state; its error is 0
-    real(wp), intent(in) :: time, u(:)
+    real(wp), intent(in) :: time
+    real(wp), intent(in), contiguous :: u(:)
     !> Spectral radius of F_p', 1/s, on the safe side
     real(wp), intent(in) :: spectral_radius
 
@@ -117,7 +118,8 @@ contains
   subroutine foresee_change(this, evolution, time, u, spectral_radius)
     class(error_transport_t), intent(inout) :: this
     class(evolution_t), intent(inout) :: evolution
-    real(wp), intent(in) :: time, u(:), spectral_radius
+    real(wp), intent(in) :: time, spectral_radius
+    real(wp), intent(in), contiguous :: u(:)
     real(wp), allocatable :: later(:), change(:)
     real(wp) :: part
 
@@ -145,7 +147,7 @@ contains
     class(evolution_t), intent(inout), target :: evolution
     class(integrator_t), intent(inout) :: integrator
     real(wp), intent(in) :: time, step
-    real(wp), intent(in) :: u(:)
+    real(wp), intent(in), contiguous :: u(:)
     type(error_t), allocatable, intent(out) :: error
 
     call this%stopwatch%start('error estimate')
@@ -160,7 +162,8 @@ contains
     !> What is integrated
     class(evolution_t), intent(inout), target :: evolution
     !> Time, s, and state of the solution
-    real(wp), intent(in) :: time, u(:)
+    real(wp), intent(in) :: time
+    real(wp), intent(in), contiguous :: u(:)
     !> The numbers went wrong
     type(error_t), allocatable, intent(out) :: error
     real(wp), allocatable :: change(:)
@@ -239,8 +242,9 @@ contains
   subroutine measure_defect(this, evolution, time, u, defect)
     class(error_transport_t), intent(inout) :: this
     class(evolution_t), intent(inout) :: evolution
-    real(wp), intent(in) :: time, u(:)
-    real(wp), intent(out) :: defect(:)
+    real(wp), intent(in) :: time
+    real(wp), intent(in), contiguous :: u(:)
+    real(wp), intent(out), contiguous :: defect(:)
     real(wp), allocatable :: rate(:)
     integer :: k
 
@@ -265,8 +269,8 @@ contains
   subroutine rate(this, time, u, du)
     class(linear_evolution_t), intent(inout) :: this
     real(wp), intent(in) :: time
-    real(wp), intent(in) :: u(:)
-    real(wp), intent(out) :: du(:)
+    real(wp), intent(in), contiguous :: u(:)
+    real(wp), intent(out), contiguous :: du(:)
     integer :: k
 
     call this%base%jacobian_product(u, du)
@@ -280,8 +284,8 @@ contains
 
   subroutine jacobian_product(this, v, product)
     class(linear_evolution_t), intent(inout) :: this
-    real(wp), intent(in) :: v(:)
-    real(wp), intent(out) :: product(:)
+    real(wp), intent(in), contiguous :: v(:)
+    real(wp), intent(out), contiguous :: product(:)
 
     call this%base%jacobian_product(v, product)
   end subroutine jacobian_product
@@ -290,7 +294,7 @@ contains
   subroutine impose(this, time, u)
     class(linear_evolution_t), intent(inout) :: this
     real(wp), intent(in) :: time
-    real(wp), intent(inout) :: u(:)
+    real(wp), intent(inout), contiguous :: u(:)
 
     associate (unused => time)
     end associate
@@ -299,7 +303,7 @@ contains
 
   subroutine clear_prescribed(this, v)
     class(linear_evolution_t), intent(in) :: this
-    real(wp), intent(inout) :: v(:)
+    real(wp), intent(inout), contiguous :: v(:)
 
     call this%base%clear_prescribed(v)
   end subroutine clear_prescribed
@@ -308,7 +312,7 @@ contains
   subroutine inspect(this, time, u, error)
     class(linear_evolution_t), intent(inout) :: this
     real(wp), intent(in) :: time
-    real(wp), intent(in) :: u(:)
+    real(wp), intent(in), contiguous :: u(:)
     type(error_t), allocatable, intent(out) :: error
 
     associate (unused => this, also => time, and => u)

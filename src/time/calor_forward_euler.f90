@@ -66,8 +66,8 @@ contains
     class(evolution_t), intent(inout) :: evolution
     real(wp), intent(in) :: time, step
     real(wp), intent(in) :: spectral_radius
-    real(wp), intent(in) :: u(:)
-    real(wp), intent(out) :: u_next(:)
+    real(wp), intent(in), contiguous :: u(:)
+    real(wp), intent(out), contiguous :: u_next(:)
     real(wp), intent(out) :: local_error
     integer :: k
 
@@ -97,7 +97,7 @@ contains
   subroutine add_step_error(this, step, total)
     class(forward_euler_t), intent(in) :: this
     real(wp), intent(in) :: step
-    real(wp), intent(inout) :: total(:)
+    real(wp), intent(inout), contiguous :: total(:)
     integer :: k
 
     if (.not. allocated(this%before)) return

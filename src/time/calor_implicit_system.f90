@@ -23,6 +23,8 @@ module calor_implicit_system
   type :: implicit_system_t
     !> Whether the iteration is to be used even where factors would fit
     logical :: iterative = .false.
+    !> Factors may take so many bytes, and never more than half of the memory that is to spare
+    real(wp) :: most_bytes = huge(1.0_wp)
     !> How often factors were found, and iterations of BiCGSTAB so far
     integer :: factorisations = 0, iterations = 0
     !> J, and 1 - s J
@@ -53,7 +55,7 @@ contains
     class(implicit_system_t), intent(inout) :: this
     !> J by rows; rows of prescribed entries are empty
     integer, intent(in) :: first(:), index(:)
-    real(wp), intent(in) :: value(:)
+    real(wp), intent(in), contiguous :: value(:)
 
     type(sparse_matrix_t) :: jacobian
 
@@ -134,7 +136,8 @@ contains
 
     call this%direct%analyse(this%matrix, dominant, done)
     this%analysed = .true.
-    this%iterative = .not. done .or. this%direct%bytes > 0.5_wp*real(available_memory(), wp)
+    this%iterative = .not. done .or. this%direct%bytes > &
+                     min(this%most_bytes, 0.5_wp*real(available_memory(), wp))
     if (this%iterative) call this%direct%release()
   end subroutine analyse
 

@@ -78,9 +78,9 @@ module calor_integrator
       !> Spectral radius of the Jacobian, 1/s
       real(wp), intent(in) :: spectral_radius
       !> State at `time`
-      real(wp), intent(in) :: u(:)
+      real(wp), intent(in), contiguous :: u(:)
       !> State at `time + step`
-      real(wp), intent(out) :: u_next(:)
+      real(wp), intent(out), contiguous :: u_next(:)
       !> Root mean square of the step's estimated error; 0 if the method estimates none
       real(wp), intent(out) :: local_error
     end subroutine advance_interface
@@ -153,7 +153,7 @@ contains
     !> The length of the step, s
     real(wp), intent(in) :: step
     !> What the error is added to
-    real(wp), intent(inout) :: total(:)
+    real(wp), intent(inout), contiguous :: total(:)
 
     ! A method that estimates no error adds nothing.
     associate (unused => this, also => step, and => total)

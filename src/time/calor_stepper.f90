@@ -60,7 +60,7 @@ contains
     !> Time to reach, s, not before `time`
     real(wp), intent(in) :: end_time
     !> The state; where there is an error, the last good one
-    real(wp), intent(inout) :: u(:)
+    real(wp), intent(inout), contiguous :: u(:)
     !> The numbers went wrong
     type(error_t), allocatable, intent(out) :: error
     !> Under error control: stop after so many steps, wherever that is
@@ -122,7 +122,7 @@ contains
     class(evolution_t), intent(inout), target :: evolution
     real(wp), intent(inout) :: time
     real(wp), intent(in) :: step
-    real(wp), intent(inout) :: u(:)
+    real(wp), intent(inout), contiguous :: u(:)
     type(error_t), allocatable, intent(out) :: error
     class(step_watcher_t), intent(inout), optional :: watcher
     real(wp) :: local_error
@@ -172,7 +172,7 @@ contains
     !> Time, s
     real(wp), intent(in) :: time
     !> State at that time
-    real(wp), intent(in) :: u(:)
+    real(wp), intent(in), contiguous :: u(:)
     real(wp) :: local_error
 
     if (.not. allocated(this%u_next)) allocate (this%u_next(size(u)))

@@ -116,8 +116,8 @@ contains
     class(evolution_t), intent(inout) :: evolution
     real(wp), intent(in) :: time, step
     real(wp), intent(in) :: spectral_radius
-    real(wp), intent(in) :: u(:)
-    real(wp), intent(out) :: u_next(:)
+    real(wp), intent(in), contiguous :: u(:)
+    real(wp), intent(out), contiguous :: u_next(:)
     real(wp), intent(out) :: local_error
     real(wp) :: accuracy
     integer :: k, n
@@ -256,7 +256,7 @@ contains
     class(tr_bdf2_t), intent(inout) :: this
     class(evolution_t), intent(inout) :: evolution
     real(wp), intent(in) :: time
-    real(wp), intent(in) :: u(:)
+    real(wp), intent(in), contiguous :: u(:)
     integer, allocatable :: first(:), index(:)
     real(wp), allocatable :: value(:)
     logical :: known
@@ -282,7 +282,7 @@ contains
   subroutine add_step_error(this, step, total)
     class(tr_bdf2_t), intent(in) :: this
     real(wp), intent(in) :: step
-    real(wp), intent(inout) :: total(:)
+    real(wp), intent(inout), contiguous :: total(:)
     integer :: k
 
     associate (unused => step)
