@@ -23,6 +23,7 @@ CHECKED_FLAGS := -Og -g -fcheck=all,no-array-temps -finit-real=snan -ffpe-trap=i
 FLAGS    ?= $(RELEASE_FLAGS)
 CASES    ?= 20000
 SEED     ?= 1
+LIMIT    ?= inf
 BIN      ?= bin
 EXAMPLES ?= build/examples
 
@@ -71,9 +72,10 @@ test-checked: ## all tests in a build with run-time checks and sanitizers (slow)
 	@ASAN_OPTIONS=detect_leaks=0 $(MAKE) --no-print-directory test \
 	  FLAGS='$(CHECKED_FLAGS)' BIN=build/checked/bin EXAMPLES=build/checked/examples
 
-fuzz: build ## feed 20000 damaged scenes and clouds to a build with sanitizers (an hour); CASES=, SEED=
+fuzz: build ## feed 20000 damaged scenes and clouds to a build with sanitizers (an hour); CASES=, SEED=, LIMIT= in s
 	@$(MAKE) --no-print-directory build FLAGS='$(CHECKED_FLAGS)' BIN=build/checked/bin
-	@tools/fuzz.py build/checked/bin/calor $(BIN)/calor --count $(CASES) --seed $(SEED)
+	@tools/fuzz.py build/checked/bin/calor $(BIN)/calor --count $(CASES) --seed $(SEED) \
+	  --seconds $(LIMIT)
 
 lint: ## check the sources: fortitude's rules and the format
 	@tools/set_up.sh lint

@@ -409,6 +409,8 @@ contains
                'line 8: &time|step = 1 s|stability limit|0.003'), &
         case_t('&time end = 1 step = 1e-12 /', 2, 'line 8: &time|more than can be counted'), &
         case_t('&time end = 1 step = 0.01 tolerance = 1e-3 /', 2, 'line 8: &time tolerance|step'), &
+        case_t('&time end = 1 tolerance = 1e-28 /', 2, &
+               'line 8: &time tolerance = 1e-28|at least 1e-15'), &
         case_t('&time end = 1 method = ''auot'' /', 2, 'line 8: &time method|''auto'''), &
         case_t('&output file = ''out.vtkhdf'' every = 0 /', 2, 'line 9: &output every'), &
         case_t('&output file = ''out.vtkhdf'' every = 1e-300 /', 2, 'line 9: &output|every'), &
