@@ -65,6 +65,8 @@ module calor_scene_motion
     !> Steps of the motion, those that were taken back because neighbours moved too much, and how
     !> often rows were made
     integer :: steps = 0, rejected = 0, assemblies = 0
+    !> The time whose places the rows belong to, s
+    real(wp) :: rows_time = 0.0_wp
     !> Places for which the rows were made, m
     real(wp), allocatable, private :: rows_x(:), rows_y(:)
     !> Support radii of the last rows, m: so far the next list of neighbours reaches
@@ -82,8 +84,12 @@ module calor_scene_motion
     procedure :: enter_middle
     !> Go to where particles are at a time of the step
     procedure :: go_to
-    !> Spread particles evenly, with a field that goes with them
-    procedure :: shift
+    !> Find places where particles are spread evenly, take fields and particles there
+    procedure :: find_shift
+    procedure :: carry
+    procedure :: move_to
+    !> Go the way of another motion
+    procedure :: accompany
     !> What part of the body each particle stands for after shifting
     procedure :: share_area
     !> Rows for where the particles are
@@ -326,6 +332,7 @@ contains
     cloud%y = this%path%y_middle
     call this%renew_rows(scene, cloud, conduction, rows, renewed, error, stopwatch)
     if (allocated(error)) return
+    this%rows_time = this%path%time + 0.5_wp*this%path%step
     call conduction%follow(cloud%x, cloud%y, this%places)
   end subroutine enter_middle
 
@@ -404,33 +411,65 @@ contains
     this%rows_y = cloud%y
   end subroutine renew_rows
 
-  !> Spread particles more evenly; the field is taken to the new places exactly for polynomials of
-  !> the degree that the rows are exact for.
-  subroutine shift(this, scene, cloud, conduction, field)
+  !> Where particles would be spread more evenly.
+  subroutine find_shift(this, cloud, x, y, origin)
+    class(motion_t), intent(in) :: this
+    type(cloud_t), intent(in) :: cloud
+    !> The new places, m
+    real(wp), allocatable, intent(out) :: x(:), y(:)
+    !> The particle nearest to each
+    integer(ip), allocatable, intent(out) :: origin(:)
+
+    call find_even_places(cloud, this%walls, x, y, origin)
+  end subroutine find_shift
+
+  !> Take a field to new places, exactly for polynomials of the degree that the rows are exact for.
+  subroutine carry(this, scene, cloud, origin, x, y, field)
     class(motion_t), intent(inout) :: this
     type(scene_t), intent(in) :: scene
-    type(cloud_t), intent(inout) :: cloud
-    type(conduction_t), intent(inout) :: conduction
-    !> Temperatures
+    !> The cloud at the old places
+    type(cloud_t), intent(in) :: cloud
+    !> From find_shift
+    integer(ip), intent(in) :: origin(:)
+    !> The new places, m; where the field cannot be carried there, the old ones
+    real(wp), intent(inout) :: x(:), y(:)
+    !> The field at the old places, and at the new ones
     real(wp), intent(inout) :: field(:)
-    real(wp), allocatable :: x(:), y(:)
-    integer(ip), allocatable :: origin(:)
     integer :: degree
 
     degree = max(2, this%maker%scheme%exact_degree())
-    call find_even_places(cloud, this%walls, x, y, origin)
     if (this%near%is_outdated(cloud%x, cloud%y)) then
       call this%near%build(cloud%x, cloud%y, this%reach, this%skin)
     end if
     call carry_field(cloud, this%maker%kernel, degree, &
                      max(scene%support, natural_support(degree))*cloud%spacing, this%near, &
                      origin, x, y, field)
+  end subroutine carry
+
+  !> Put particles in new places.
+  subroutine move_to(this, x, y, cloud, conduction)
+    class(motion_t), intent(inout) :: this
+    !> m
+    real(wp), intent(in) :: x(:), y(:)
+    type(cloud_t), intent(inout) :: cloud
+    type(conduction_t), intent(inout) :: conduction
+
     this%places%x = this%places%x + (x - cloud%x)
     this%places%y = this%places%y + (y - cloud%y)
     cloud%x = x
     cloud%y = y
     call conduction%follow(x, y, this%places)
-  end subroutine shift
+  end subroutine move_to
+
+  !> Go the way of another motion, with rows of another kind.
+  subroutine accompany(this, leader)
+    class(motion_t), intent(inout) :: this
+    !> Has planned its step
+    type(motion_t), intent(in) :: leader
+
+    this%path = leader%path
+    this%places = leader%places
+  end subroutine accompany
 
   !> The area of the body stays what it was, for the motion is without divergence.
   subroutine share_area(this, cloud)

@@ -14,11 +14,12 @@ module calor_simulation
   use calor_integrators, only: make_integrator
   use calor_kernel, only: kernel_t
   use calor_kernels, only: make_kernel
-  use calor_kinds, only: wp
+  use calor_kinds, only: wp, ip
   use calor_laplacian_schemes, only: usual_support
   use calor_method_choice, only: method_choice_t, problem_t, foresee_costs
   use calor_rightmost_eigenvalue, only: rightmost_t, find_rightmost
   use calor_row_report, only: row_report_t
+  use calor_rows_in_motion, only: rows_in_motion_t
   use calor_scene, only: scene_t
   use calor_scene_body, only: make_scene_body
   use calor_scene_cloud, only: make_scene_cloud
@@ -92,6 +93,9 @@ module calor_simulation
     type(error_transport_t), allocatable :: estimate
     !> How particles move; not allocated where nothing moves
     type(motion_t), allocatable :: motion
+    !> The rows of the estimate's reference on their way with the particles, where both are in force
+    type(motion_t), allocatable, private :: reference_motion
+    type(scene_t), allocatable, private :: reference_scene
     !> The unknowns, where they are not the temperatures: heat contents, K
     real(wp), allocatable :: content(:)
     !> Wall time by phase
@@ -142,7 +146,10 @@ module calor_simulation
     procedure, private :: choose_steps
     procedure, private :: choose_method
     procedure, private :: states_after_start
+    procedure, private :: advance_resting
     procedure, private :: advance_moving
+    procedure, private :: take_reference_along
+    procedure, private :: shift_particles
     procedure, private :: settle_rows
     procedure, private :: adopt_rows
     procedure, private :: check_rows
@@ -501,8 +508,19 @@ contains
     if (allocated(this%motion)) then
       call this%advance_moving(time, error)
       call this%stopwatch%stop()
-      return
+    else
+      call this%advance_resting(time, error)
     end if
+  end subroutine advance_to
+
+  !> Step to a time with the rows as they are.
+  subroutine advance_resting(this, time, error)
+    class(simulation_t), intent(inout) :: this
+    !> Time to reach, s
+    real(wp), intent(in) :: time
+    !> The numbers went wrong
+    type(error_t), allocatable, intent(out) :: error
+
     if (allocated(this%content)) then
       call advance(this%content)
       call this%conduction%find_temperature(this%content, this%temperature)
@@ -530,7 +548,7 @@ contains
       end if
     end subroutine advance
 
-  end subroutine advance_to
+  end subroutine advance_resting
 
   !> Step to a time while particles move: each step of the motion has rows of its own, for the cloud
   !> in its middle, and conduction takes as many steps in it as it needs.
@@ -542,6 +560,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(scene_rows_t) :: rows
     type(error_t), allocatable :: ignored
+    type(rows_in_motion_t) :: change
     real(wp) :: until
     logical :: renewed
 
@@ -554,30 +573,100 @@ contains
       call this%motion%enter_middle(this%scene, this%cloud, this%conduction, rows, renewed, &
                                     error, this%stopwatch)
       if (.not. allocated(error) .and. renewed) call this%adopt_rows(rows, error)
+      if (.not. allocated(error) .and. allocated(this%estimate)) then
+        call this%take_reference_along(renewed, change, error)
+      end if
       if (allocated(error)) then
         ! Back to the last good state
         call this%motion%go_to(this%time, this%cloud, this%conduction)
         call this%settle_rows(ignored)
         return
       end if
-      call this%stopwatch%start('steps')
       call this%stepper%integrator%restart()
-      if (allocated(this%content)) then
-        call this%stepper%advance_to(this%conduction, this%time, until, this%content, error)
-        call this%conduction%find_temperature(this%content, this%temperature)
-      else
-        call this%stepper%advance_to(this%conduction, this%time, until, this%temperature, error)
-      end if
+      call this%advance_resting(until, error)
       call this%stopwatch%start('motion')
       call this%motion%go_to(this%time, this%cloud, this%conduction)
       if (allocated(error)) return
       if (this%scene%motion%shifting) then
         call this%stopwatch%start('shifting')
-        call this%motion%shift(this%scene, this%cloud, this%conduction, this%temperature)
-        call this%conduction%impose(this%time, this%temperature)
+        call this%shift_particles(error)
+        if (allocated(error)) return
       end if
     end do
   end subroutine advance_moving
+
+  !> Make the reference's rows for where the cloud is now: amid a step of the motion.
+  subroutine take_reference_along(this, renewed, change, error)
+    class(simulation_t), intent(inout) :: this
+    !> Whether the scene's own rows are new
+    logical, intent(in) :: renewed
+    !> How the reference's rows change
+    type(rows_in_motion_t), intent(inout) :: change
+    !> There are none
+    type(error_t), allocatable, intent(out) :: error
+    type(scene_rows_t) :: rows
+    logical :: reference_renewed
+
+    call this%stopwatch%start('error estimate')
+    select type (reference => this%estimate%reference)
+    type is (conduction_t)
+      associate (motion => this%reference_motion, path => this%motion%path)
+        call change%note_before(reference, this%time, this%state(), motion%rows_time)
+        call motion%accompany(this%motion)
+        call motion%enter_middle(this%reference_scene, this%cloud, reference, rows, &
+                                 reference_renewed, error, this%stopwatch)
+        if (allocated(error)) return
+        if (.not. (renewed .or. reference_renewed)) return
+        call reference%linearise(this%time, this%state())
+        call change%note_after(reference, this%time, this%state(), motion%rows_time, path%step)
+        call this%estimate%add_source(change%mean, change%slope, path%time + 0.5_wp*path%step)
+        call this%estimate%renew(this%conduction, this%time, this%state(), &
+                                 reference%spectral_bound())
+      end associate
+    end select
+  end subroutine take_reference_along
+
+  !> Spread particles evenly, and take the temperatures and their error to the new places.
+  subroutine shift_particles(this, error)
+    class(simulation_t), intent(inout) :: this
+    !> There are no rows for the new places
+    type(error_t), allocatable, intent(out) :: error
+    type(scene_rows_t) :: rows
+    logical :: renewed
+    real(wp), allocatable :: x(:), y(:), further_x(:), further_y(:), better(:)
+    integer(ip), allocatable :: origin(:)
+
+    call this%motion%find_shift(this%cloud, x, y, origin)
+    if (allocated(this%estimate)) better = this%temperature
+    call this%motion%carry(this%scene, this%cloud, origin, x, y, this%temperature)
+    if (allocated(this%estimate)) then
+      ! The reference carries the field to a higher order; the difference is an error.
+      further_x = x
+      further_y = y
+      call this%reference_motion%carry(this%reference_scene, this%cloud, origin, further_x, &
+                                       further_y, better)
+      where (further_x /= x .or. further_y /= y) better = this%temperature
+      better = better - this%temperature
+      further_x = x
+      further_y = y
+      call this%reference_motion%carry(this%reference_scene, this%cloud, origin, further_x, &
+                                       further_y, this%estimate%error)
+      this%estimate%error = this%estimate%error + better
+      call this%conduction%clear_prescribed(this%estimate%error)
+    end if
+    call this%motion%move_to(x, y, this%cloud, this%conduction)
+    call this%conduction%impose(this%time, this%temperature)
+    if (.not. allocated(this%estimate)) return
+    ! How rows change with the motion is seen by those of the same particles.
+    select type (reference => this%estimate%reference)
+    type is (conduction_t)
+      call this%stopwatch%start('error estimate')
+      call this%reference_motion%accompany(this%motion)
+      call this%reference_motion%renew_rows(this%reference_scene, this%cloud, reference, rows, &
+                                            renewed, error, this%stopwatch)
+      this%reference_motion%rows_time = this%time
+    end select
+  end subroutine shift_particles
 
   !> Rows for where the particles are, as what is told of a state needs them.
   subroutine settle_rows(this, error)
@@ -724,6 +813,7 @@ contains
     type(scene_t) :: scene
     type(conduction_t) :: reference
     type(scene_rows_t) :: rows
+    type(row_maker_t) :: maker
     type(expression_t) :: initial
     type(body_t) :: body
     real(wp), allocatable :: temperature(:)
@@ -739,8 +829,14 @@ contains
     scene%support = usual_support('consistent', scene%order)
     temperature = this%temperature
     call make_scene_evolution(scene, this%cloud, scene_method(scene), temperature, reference, &
-                              rows, error, further=further)
+                              rows, error, further=further, maker=maker)
     if (allocated(error)) return
+    if (allocated(this%motion)) then
+      allocate (this%reference_motion)
+      call this%reference_motion%prepare(scene, this%cloud, reference, maker, rows%radius, error)
+      if (allocated(error)) return
+      this%reference_scene = scene
+    end if
     allocate (this%estimate)
     call this%estimate%begin(this%conduction, reference, this%time, this%state(), &
                              reference%spectral_bound())
