@@ -415,7 +415,7 @@ contains
       call file%add_static('volume', [1.0_wp, 1.0_wp, 1.0_wp], trouble)
       call file%begin_step(0.0_wp, trouble)
       if (present(temperature)) call file%write_field('temperature', temperature, trouble)
-      call file%note('title', 'three', trouble)
+      call file%set_attribute('title', 'three', trouble)
       call file%close(trouble)
     end subroutine write_fields
 
