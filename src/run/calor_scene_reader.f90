@@ -63,6 +63,8 @@ module calor_scene_reader
 
   !> A kernel that smooths over more spacings is a slip of the pen
   real(wp), parameter :: widest_support = 100.0_wp
+  !> Rounding alone is larger
+  real(wp), parameter :: least_tolerance = 1.0e-15_wp
   !> Beyond it rounding takes over at spacings that anybody would use
   integer, parameter :: highest_scene_order = 8
 
@@ -420,7 +422,7 @@ contains
                          'steady = .true.', error)
         if (allocated(error)) return
         if (group%has('tolerance')) then
-          call get(group, 'tolerance', time%tolerance, error, positive=.true.)
+          call get(group, 'tolerance', time%tolerance, error, minimum=least_tolerance)
         end if
         return
       end if
@@ -431,7 +433,7 @@ contains
       if (group%has('step')) call get(group, 'step', time%step, error, positive=.true.)
       if (allocated(error)) return
       if (group%has('tolerance')) then
-        call get(group, 'tolerance', time%tolerance, error, positive=.true.)
+        call get(group, 'tolerance', time%tolerance, error, minimum=least_tolerance)
       end if
       if (allocated(error)) return
       if (group%has('step') .and. group%has('tolerance')) then

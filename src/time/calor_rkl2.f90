@@ -1,4 +1,4 @@
-!> RKL2: the stabilised explicit Runge–Kutta–Legendre method of second order for diffusion.
+!> The method RKL2, stabilised, explicit, Runge–Kutta–Legendre, of second order, for diffusion.
 !>
 !> With s stages it is stable for |λ| Δt ≤ (s² + s - 2)/2, so its reach grows with the square of the
 !> work: it takes as many stages as a step needs.

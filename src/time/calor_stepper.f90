@@ -91,9 +91,8 @@ contains
       step = min(this%proposed, this%longest_step)
       if (present(watcher)) step = min(step, watcher%longest_step())
       call this%integrator%shorten_step(evolution, this%spectral_radius, step)
-      ! Steps of equal length to the end, rather than a tiny last one
-      step = (end_time - time)/max(1.0_wp, aint((end_time - time)/step + 0.9999_wp))
-      if (.not. time + step > time) then
+      ! Beyond time 0 any step that is too short is lost in the time; at 0 it has to be said.
+      if (.not. time + step > time .or. step < epsilon(step)**2*(end_time - time)) then
         if (allocated(this%integrator%failure)) then
           call raise(error, status_bad_numbers, 'At t = '//to_text(time, digits=6)// &
                      ' s no step is short enough: '//this%integrator%failure// &
@@ -109,6 +108,8 @@ contains
         end if
         return
       end if
+      ! Steps of equal length to the end, rather than a tiny last one
+      step = (end_time - time)/max(1.0_wp, aint((end_time - time)/step + 0.9999_wp))
       call this%try_step(evolution, time, step, u, error, watcher)
       if (allocated(error)) return
       if (abs(end_time - time) <= 4*spacing(end_time)) time = end_time

@@ -1,5 +1,5 @@
-!> TR-BDF2: an implicit method of second order that is L-stable: any step is stable, and what decays
-!> faster than the step is gone after it.
+!> The method TR-BDF2, implicit, of second order and L-stable: any step is stable, and what
+!> decays faster than the step is gone after it.
 !>
 !> A step goes to t + γ Δt by the trapezoidal rule and from there to its end by the second backward
 !> differentiation formula; with γ = 2 - √2 both stages have one matrix, 1 - d Δt J, d = γ/2:
