@@ -21,6 +21,7 @@ module calor_error_transport
   use calor_integrator, only: integrator_t
   use calor_kinds, only: wp
   use calor_rkl2, only: rkl2_t
+  use calor_saved_state, only: saved_state_t
   use calor_step_watcher, only: step_watcher_t
   use calor_stepper, only: stepper_t
   use calor_stopwatch, only: stopwatch_t
@@ -76,6 +77,9 @@ module calor_error_transport
     procedure :: longest_step
     !> Bring e up to the time of the solution
     procedure :: catch_up
+    !> Lay aside what the error's further way depends on, and take it up again
+    procedure :: save => save_transport
+    procedure :: restore => restore_transport
     procedure, private :: measure_defect
     procedure, private :: foresee_change
   end type error_transport_t
@@ -194,6 +198,38 @@ contains
     end if
     call this%stopwatch%stop()
   end subroutine catch_up
+
+  subroutine save_transport(this, state)
+    class(error_transport_t), intent(in) :: this
+    type(saved_state_t), intent(inout) :: state
+
+    call state%enter('estimate')
+    call state%put('time', this%time)
+    call state%put('error', this%error)
+    call state%put('defect', this%defect)
+    call state%put('step_errors', this%step_errors)
+    call state%put('interval', this%interval)
+    call state%put('first', this%first)
+    call state%put('evaluations', this%evaluations)
+    call this%stepper%save(state)
+    call state%leave()
+  end subroutine save_transport
+
+  subroutine restore_transport(this, state)
+    class(error_transport_t), intent(inout) :: this
+    type(saved_state_t), intent(inout) :: state
+
+    call state%enter('estimate')
+    call state%get('time', this%time)
+    call state%get('error', this%error)
+    call state%get('defect', this%defect)
+    call state%get('step_errors', this%step_errors)
+    call state%get('interval', this%interval)
+    call state%get('first', this%first)
+    call state%get('evaluations', this%evaluations)
+    call this%stepper%restore(state)
+    call state%leave()
+  end subroutine restore_transport
 
   !> τ = F_p(u) - F(u)
   subroutine measure_defect(this, evolution, time, u, defect)
