@@ -28,6 +28,9 @@ contains
                 new_unittest('scenes with other shapes and walls', test_scenes), &
                 new_unittest('initial temperatures that jump', test_jumps), &
                 new_unittest('steady temperatures', test_steady), &
+                new_unittest('particles in rigid motion', test_rigid_motion), &
+                new_unittest('particles that move past each other', test_shear), &
+                new_unittest('steps of the motion', test_motion_steps), &
                 new_unittest('a field that the scheme gets right', test_exact), &
                 new_unittest('what is written', test_written), &
                 new_unittest('without it nothing is carried along', test_absent) &
@@ -242,6 +245,108 @@ contains
       end do
     end do
   end subroutine test_steady
+
+  !> A warm spot is carried round, by rows that go with it.
+  subroutine test_rigid_motion(error)
+    type(test_error), allocatable, intent(out) :: error
+    character(len=*), parameter :: spot = &
+      '0.04/(0.04+0.004*t)*exp(-((x-0.4*cos(t))^2+(y-0.4*sin(t))^2)/(0.08+0.008*t))'
+    character(len=30), parameter :: arrangements(*) = [character(len=30) :: &
+        '"lattice"', '"jittered" jitter = 0.2', '"jittered" jitter = 0.3']
+    character(len=*), &
+        parameter :: schemes(*) = [character(len=30) :: 'laplacian="fatehi_manzari"', &
+                                                 'laplacian="consistent" order=4']
+    type(simulation_t) :: simulation
+    integer :: j, k
+
+    do k = 1, size(arrangements)
+      do j = 1, size(schemes)
+        call run_scene('&scene exact_expression = "'//spot//'" / '// &
+                       '&domain shape = "disc" radius = 1 spacing = 0.07 arrangement = '// &
+                       trim(arrangements(k))//' / &material conductivity = 0.002 / '// &
+                       '&initial temperature_expression = "exp(-((x-0.4)^2+y^2)/0.08)" / '// &
+                       '&boundary value_expression = "'//spot//'" / '// &
+                       '&motion velocity_x_expression = "-y" velocity_y_expression = "x" / '// &
+                       '&time end = 1.5 / &scheme '//trim(schemes(j))//' / '// &
+                       '&accuracy estimate = T /', simulation, error)
+        if (allocated(error)) return
+        call judge(simulation, 3.0_wp, trim(schemes(j))//', '//trim(arrangements(k)), error)
+        if (allocated(error)) return
+      end do
+    end do
+  end subroutine test_rigid_motion
+
+  !> A disc, insulated, that turns faster within than outside: a field that depends on the radius
+  !> alone decays as at rest. With shifting, the field is carried to new places as well.
+  subroutine test_shear(error)
+    type(test_error), allocatable, intent(out) :: error
+    character(len=*), &
+        parameter :: schemes(*) = [character(len=30) :: 'laplacian="fatehi_manzari"', &
+                                                 'laplacian="consistent" order=4']
+    character(len=*), parameter :: shifting(*) = ['F', 'T']
+    type(simulation_t) :: simulation
+    integer :: j, k
+
+    do k = 1, size(shifting)
+      do j = 1, size(schemes)
+        call run_scene('&scene exact_expression = "j0(3.8317059702075123*sqrt(x*x+y*y))'// &
+                       '*exp(-14.681970642123893*t)" / '// &
+                       '&domain shape = "disc" radius = 1 spacing = 0.1 '// &
+                       'arrangement = "jittered" jitter = 0.2 / '// &
+                       '&initial temperature_expression = '// &
+                       '"j0(3.8317059702075123*sqrt(x*x+y*y))" / '// &
+                       '&boundary kind = "insulated" / '// &
+                       '&motion velocity_x_expression = "-6*y*exp(-2*(x^2+y^2))" '// &
+                       'velocity_y_expression = "6*x*exp(-2*(x^2+y^2))" shifting = '// &
+                       shifting(k)//' / &time end = 0.05 / &scheme '//trim(schemes(j))//' / '// &
+                       '&accuracy estimate = T /', simulation, error)
+        if (allocated(error)) return
+        call judge(simulation, 1.5_wp, trim(schemes(j))//', shifting '//shifting(k), error)
+        if (allocated(error)) return
+      end do
+    end do
+  end subroutine test_shear
+
+  !> Where steps of the motion are long their error, that of rows which stay what they are in the
+  !> middle, is a large part of all; the truth is a run with steps so short that none of it is left,
+  !> less the error of space that is estimated for it.
+  subroutine test_motion_steps(error)
+    type(test_error), allocatable, intent(out) :: error
+    type(simulation_t) :: coarse, fine
+    real(wp), allocatable :: truth(:)
+    real(wp) :: true_error, estimated, of_space
+
+    call run_scene(swirl('0.005'), coarse, error)
+    if (.not. allocated(error)) call run_scene(swirl('0.001'), fine, error)
+    if (allocated(error)) return
+    truth = fine%temperature + fine%error_estimate() - coarse%temperature
+    true_error = norm2(truth)
+    estimated = norm2(coarse%error_estimate())
+    of_space = norm2(fine%error_estimate())
+    call check(error, true_error > 1.2_wp*of_space, 'steps make no error to speak of')
+    if (allocated(error)) return
+    call check(error, estimated/true_error >= lowest .and. estimated/true_error <= highest, &
+               'estimated '//to_text(estimated, digits=3)//', true '//to_text(true_error, digits=3))
+    if (allocated(error)) return
+    ! Not the size alone
+    call check(error, norm2(coarse%error_estimate() - truth) < 0.35_wp*true_error)
+
+  contains
+
+    function swirl(step) result(text)
+      character(len=*), intent(in) :: step
+      character(len=:), allocatable :: text
+
+      text = '&domain shape = "disc" radius = 1 spacing = 0.06 / '// &
+             '&initial temperature_expression = "exp(-12*((x-0.2)^2+y^2))" / '// &
+             '&boundary kind = "temperature" value = 0 / '// &
+             '&motion velocity_x_expression = "-6*y*exp(-2*(x^2+y^2))" '// &
+             'velocity_y_expression = "6*x*exp(-2*(x^2+y^2))" step = '//step//' / '// &
+             '&time end = 0.02 tolerance = 1e-8 / &scheme laplacian = "consistent" order = 6 / '// &
+             '&accuracy estimate = T /'
+    end function swirl
+
+  end subroutine test_motion_steps
 
   !> A quadratic field at rest: no error, and none is estimated.
   subroutine test_exact(error)

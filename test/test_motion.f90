@@ -688,9 +688,6 @@ contains
     call refuse('&motion velocity_x = 1 / &time steady = .true. /', status_bad_input, &
                 'no steady temperature')
     if (allocated(error)) return
-    call refuse('&motion velocity_x = 1 / &time end = 1 / &accuracy estimate = .true. /', &
-                status_bad_input, 'is not estimated')
-    if (allocated(error)) return
     call refuse('&motion velocity_x_expression = ''x'' / &time end = 1 /', status_bad_input, &
                 'has the divergence 1')
     if (allocated(error)) return

@@ -78,7 +78,8 @@ module calor_scene_contract
       group_rule_t('time', one, now, 'how long and in which steps'), &
       group_rule_t('output', one, now, 'what is written, where and how often'), &
       group_rule_t('accuracy', one, now, 'how far the run knows and bounds its own error'), &
-      group_rule_t('checkpoint', one, now, 'lay the state aside, to be resumed by calor run --resume'), &
+      group_rule_t('checkpoint', one, now, &
+                   'lay the state aside for calor run --resume'), &
       group_rule_t('operators', one, now, 'a field whose derivatives are evaluated'), &
       group_rule_t('cost', one, now, 'schemes and spacings whose accuracy and cost are compared')]
 

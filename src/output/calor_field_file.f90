@@ -620,38 +620,42 @@ contains
   end function ready
 
   !> Check that a file can be made at `path`, before anything is touched.
-  subroutine check_place(path, error)
+  subroutine check_place(path, error, called)
     !> The name of the file
     character(len=*), intent(in) :: path
     !> Why no file can be written there
     type(error_t), allocatable, intent(out) :: error
-    character(len=:), allocatable :: folder, reason
+    !> What it is called in messages; without it 'output file'
+    character(len=*), intent(in), optional :: called
+    character(len=:), allocatable :: folder, reason, what_file
     integer :: what
 
     if (path == '') then
       call raise(error, status_bad_file, 'The output file has no name: give one as &output file.')
       return
     end if
+    what_file = 'The output file '''
+    if (present(called)) what_file = 'The '//called//' '''
     folder = parent_folder(path)
     call look_at_path(folder, what, reason)
     select case (what)
     case (path_folder)
       reason = write_obstacle(folder)
       if (reason /= '') then
-        call raise(error, status_bad_file, 'The output file '''//path// &
+        call raise(error, status_bad_file, what_file//path// &
                    ''' cannot be written into the folder '''//folder//''' ('//reason// &
                    '): change the folder''s permissions or name another file.')
       end if
     case (path_missing)
-      call raise(error, status_bad_file, 'The output file '''//path// &
+      call raise(error, status_bad_file, what_file//path// &
                  ''' cannot be written: the folder '''//folder// &
                  ''' does not exist: create it or name another file.')
     case (path_unreachable)
-      call raise(error, status_bad_file, 'The output file '''//path// &
+      call raise(error, status_bad_file, what_file//path// &
                  ''' cannot be written: the folder '''//folder//''' cannot be reached ('// &
                  reason//'): name another file.')
     case default
-      call raise(error, status_bad_file, 'The output file '''//path// &
+      call raise(error, status_bad_file, what_file//path// &
                  ''' cannot be written: '''//folder// &
                  ''' is not a folder: name another file.')
     end select
@@ -664,18 +668,18 @@ contains
     case (path_file)
       reason = write_obstacle(path)
       if (reason /= '') then
-        call raise(error, status_bad_file, 'The output file '''//path// &
+        call raise(error, status_bad_file, what_file//path// &
                    ''' exists and may not be replaced ('//reason// &
                    '): change its permissions or name another file.')
       end if
     case (path_folder)
-      call raise(error, status_bad_file, 'The output file '''//path// &
+      call raise(error, status_bad_file, what_file//path// &
                  ''' cannot be written: there is a folder of that name: name another file.')
     case (path_unreachable)
-      call raise(error, status_bad_file, 'The output file '''//path// &
+      call raise(error, status_bad_file, what_file//path// &
                  ''' cannot be written ('//reason//'): name another file.')
     case default
-      call raise(error, status_bad_file, 'The output file '''//path// &
+      call raise(error, status_bad_file, what_file//path// &
                  ''' cannot be written: what is there is not a regular file: name another file.')
     end select
   end subroutine check_place

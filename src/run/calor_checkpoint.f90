@@ -152,7 +152,8 @@ contains
     file = path
     if (file == '') file = scene%checkpoint%file
     if (scene%time%steady) then
-      call raise(error, status_bad_input, scene%path//': a steady state is found without steps, '// &
+      call raise(error, status_bad_input, &
+                 scene%path//': a steady state is found without steps, '// &
                  'so that there is nothing to resume: run it without --resume.')
       return
     else if (scene%accuracy%target > 0) then

@@ -75,10 +75,10 @@ contains
     if (old%line == 0) title = title//new%name
     if (several) title = title//' number '//to_text(number)
     if (old%line == 0) then
-      call append(changes, title//': it was not there')
+      if (matters(new)) call append(changes, title//': it was not there')
       return
     else if (new%line == 0) then
-      call append(changes, title//': it is not there any more')
+      if (matters(old)) call append(changes, title//': it is not there any more')
       return
     end if
     do k = 1, size(old%entries)
@@ -97,6 +97,18 @@ contains
                   quoted(values_of(new%entries(k))))
     end do
   end subroutine compare_groups
+
+  !> Whether a group says anything that is not harmless.
+  pure function matters(group) result(answer)
+    type(group_t), intent(in) :: group
+    logical :: answer
+    integer :: k
+
+    answer = size(group%entries) == 0
+    do k = 1, size(group%entries)
+      answer = answer .or. .not. is_harmless(group%name//' '//group%entries(k)%key)
+    end do
+  end function matters
 
   !> All values of a key, as the scene has them
   pure function values_of(entry) result(text)

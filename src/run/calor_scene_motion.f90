@@ -69,6 +69,8 @@ module calor_scene_motion
     !> Steps of the motion, those that were taken back because neighbours moved too much, and how
     !> often rows were made
     integer :: steps = 0, rejected = 0, assemblies = 0
+    !> The time whose places the rows belong to, s
+    real(wp) :: rows_time = 0.0_wp
     !> Places for which the rows were made, m
     real(wp), allocatable, private :: rows_x(:), rows_y(:)
     !> Support radii of the last rows, m: so far the next list of neighbours reaches
@@ -86,8 +88,12 @@ module calor_scene_motion
     procedure :: enter_middle
     !> Go to where particles are at a time of the step
     procedure :: go_to
-    !> Spread particles evenly, with a field that goes with them
-    procedure :: shift
+    !> Find places where particles are spread evenly, take fields and particles there
+    procedure :: find_shift
+    procedure :: carry
+    procedure :: move_to
+    !> Go the way of another motion
+    procedure :: accompany
     !> What part of the body each particle stands for after shifting
     procedure :: share_area
     !> Rows for where the particles are
@@ -333,6 +339,7 @@ contains
     cloud%y = this%path%y_middle
     call this%renew_rows(scene, cloud, conduction, rows, renewed, error, stopwatch)
     if (allocated(error)) return
+    this%rows_time = this%path%time + 0.5_wp*this%path%step
     call conduction%follow(cloud%x, cloud%y, this%places)
   end subroutine enter_middle
 
@@ -411,33 +418,65 @@ contains
     this%rows_y = cloud%y
   end subroutine renew_rows
 
-  !> Spread particles more evenly; the field is taken to the new places exactly for polynomials of
-  !> the degree that the rows are exact for.
-  subroutine shift(this, scene, cloud, conduction, field)
+  !> Where particles would be spread more evenly.
+  subroutine find_shift(this, cloud, x, y, origin)
+    class(motion_t), intent(in) :: this
+    type(cloud_t), intent(in) :: cloud
+    !> The new places, m
+    real(wp), allocatable, intent(out) :: x(:), y(:)
+    !> The particle nearest to each
+    integer(ip), allocatable, intent(out) :: origin(:)
+
+    call find_even_places(cloud, this%walls, x, y, origin)
+  end subroutine find_shift
+
+  !> Take a field to new places, exactly for polynomials of the degree that the rows are exact for.
+  subroutine carry(this, scene, cloud, origin, x, y, field)
     class(motion_t), intent(inout) :: this
     type(scene_t), intent(in) :: scene
-    type(cloud_t), intent(inout) :: cloud
-    type(conduction_t), intent(inout) :: conduction
-    !> Temperatures
+    !> The cloud at the old places
+    type(cloud_t), intent(in) :: cloud
+    !> From find_shift
+    integer(ip), intent(in) :: origin(:)
+    !> The new places, m; where the field cannot be carried there, the old ones
+    real(wp), intent(inout) :: x(:), y(:)
+    !> The field at the old places, and at the new ones
     real(wp), intent(inout) :: field(:)
-    real(wp), allocatable :: x(:), y(:)
-    integer(ip), allocatable :: origin(:)
     integer :: degree
 
     degree = max(2, this%maker%scheme%exact_degree())
-    call find_even_places(cloud, this%walls, x, y, origin)
     if (this%near%is_outdated(cloud%x, cloud%y)) then
       call this%near%build(cloud%x, cloud%y, this%reach, this%skin)
     end if
     call carry_field(cloud, this%maker%kernel, degree, &
                      max(scene%support, natural_support(degree))*cloud%spacing, this%near, &
                      origin, x, y, field)
+  end subroutine carry
+
+  !> Put particles in new places.
+  subroutine move_to(this, x, y, cloud, conduction)
+    class(motion_t), intent(inout) :: this
+    !> m
+    real(wp), intent(in) :: x(:), y(:)
+    type(cloud_t), intent(inout) :: cloud
+    type(conduction_t), intent(inout) :: conduction
+
     this%places%x = this%places%x + (x - cloud%x)
     this%places%y = this%places%y + (y - cloud%y)
     cloud%x = x
     cloud%y = y
     call conduction%follow(x, y, this%places)
-  end subroutine shift
+  end subroutine move_to
+
+  !> Go the way of another motion, with rows of another kind.
+  subroutine accompany(this, leader)
+    class(motion_t), intent(inout) :: this
+    !> Has planned its step
+    type(motion_t), intent(in) :: leader
+
+    this%path = leader%path
+    this%places = leader%places
+  end subroutine accompany
 
   !> The area of the body stays what it was, for the motion is without divergence.
   subroutine share_area(this, cloud)
@@ -458,30 +497,27 @@ contains
     type(cloud_t), intent(in) :: cloud
     type(saved_state_t), intent(inout) :: state
 
-    call state%enter('motion')
     call state%put('steps', [this%steps, this%rejected, this%assemblies])
     call state%put('last_step', this%last_step)
     call state%put('reach', this%reach)
     call state%put('rows_x', this%rows_x)
     call state%put('rows_y', this%rows_y)
+    call state%put('rows_time', this%rows_time)
     call state%put('area', cloud%area)
+    call state%put('x', cloud%x)
+    call state%put('y', cloud%y)
     call state%put('under_way', this%under_way)
-    if (this%under_way) then
-      ! The paths follow from where they begin.
-      call state%put('path', [this%path%time, this%path%step, this%until])
-      call state%put('x', this%path%x_start)
-      call state%put('y', this%path%y_start)
-    else
-      call state%put('x', cloud%x)
-      call state%put('y', cloud%y)
-    end if
     call this%near%save(state)
-    call state%leave()
+    if (.not. this%path%step > 0) return
+    ! The paths follow from where they begin.
+    call state%put('path', [this%path%time, this%path%step, this%until])
+    call state%put('x_start', this%path%x_start)
+    call state%put('y_start', this%path%y_start)
   end subroutine save_motion
 
   !> The rows are those of the places for which they were made; the heat equation is told where the
   !> particles are.
-  subroutine restore_motion(this, scene, cloud, conduction, rows, renewed, state, error)
+  subroutine restore_motion(this, scene, cloud, conduction, rows, renewed, accompanies, state, error)
     class(motion_t), intent(inout) :: this
     !> The scene, its cloud and the heat equation, as they are at the start
     type(scene_t), intent(in) :: scene
@@ -491,27 +527,27 @@ contains
     type(scene_rows_t), intent(inout) :: rows
     !> Whether there are new rows
     logical, intent(out) :: renewed
+    !> Whether this motion accompanies another, so that it does not go to the end of a step
+    logical, intent(in) :: accompanies
     type(saved_state_t), intent(inout) :: state
     !> There are no rows for these places
     type(error_t), allocatable, intent(out) :: error
-    real(wp), allocatable :: x(:), y(:), u(:), v(:), path(:)
+    real(wp), allocatable :: x(:), y(:), u(:), v(:), path(:), x_start(:), y_start(:)
     integer, allocatable :: steps(:)
     real(wp) :: wrong
 
     renewed = .false.
-    call state%enter('motion')
     call state%get('steps', steps)
     call state%get('last_step', this%last_step)
     call state%get('reach', this%reach)
     call state%get('rows_x', this%rows_x)
     call state%get('rows_y', this%rows_y)
+    call state%get('rows_time', this%rows_time)
     call state%get('area', cloud%area)
-    call state%get('under_way', this%under_way)
     call state%get('x', x)
     call state%get('y', y)
-    if (this%under_way) call state%get('path', path)
+    call state%get('under_way', this%under_way)
     call this%near%restore(state)
-    call state%leave()
     if (allocated(state%problem)) return
     this%steps = steps(1)
     this%rejected = steps(2)
@@ -527,15 +563,23 @@ contains
     end if
     cloud%x = x
     cloud%y = y
-    if (this%under_way) then
-      allocate (u(size(x)), v(size(x)))
-      call this%velocity%at(x, y, path(1), u, v)
-      call this%path%follow(this%velocity, x, y, u, v, path(1), path(2), wrong, error)
-      if (allocated(error)) return
-      call this%path%interpolate(this%places)
-      this%until = path(3)
+    if (.not. state%has('path')) return
+    call state%get('path', path)
+    call state%get('x_start', x_start)
+    call state%get('y_start', y_start)
+    if (allocated(state%problem)) return
+    allocate (u(size(x)), v(size(x)))
+    call this%velocity%at(x_start, y_start, path(1), u, v)
+    call this%path%follow(this%velocity, x_start, y_start, u, v, path(1), path(2), wrong, error)
+    if (allocated(error)) return
+    call this%path%interpolate(this%places)
+    this%until = path(3)
+    if (this%under_way .or. (accompanies .and. .not. scene%motion%shifting)) then
       cloud%x = this%path%x_middle
       cloud%y = this%path%y_middle
+    else
+      this%places%x = this%places%x + (x - this%path%x_end)
+      this%places%y = this%places%y + (y - this%path%y_end)
     end if
     call this%walls%measure(cloud%x, cloud%y, conduction%medium%contacts)
     call conduction%follow(cloud%x, cloud%y, this%places)

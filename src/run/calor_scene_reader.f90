@@ -497,10 +497,6 @@ contains
                     'equation of the error holds for smooth fields. Remove &accuracy, or '// &
                     '&material latent_heat.')
     end if
-    if (scene%accuracy%estimate .and. scene%motion%in_force) then
-      call raise_at(error, group, '', 'the error of a run with moving particles is not '// &
-                    'estimated; remove &accuracy, or &motion.')
-    end if
   end subroutine read_accuracy
 
   subroutine read_output(file, scene, error)

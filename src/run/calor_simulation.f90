@@ -17,11 +17,12 @@ module calor_simulation
   use calor_interrupt, only: interrupted, interrupt_status
   use calor_kernel, only: kernel_t
   use calor_kernels, only: make_kernel
-  use calor_kinds, only: wp
+  use calor_kinds, only: wp, ip
   use calor_laplacian_schemes, only: usual_support
   use calor_method_choice, only: method_choice_t, problem_t, foresee_costs
   use calor_rightmost_eigenvalue, only: rightmost_t, find_rightmost
   use calor_row_report, only: row_report_t
+  use calor_rows_in_motion, only: rows_in_motion_t
   use calor_saved_state, only: saved_state_t
   use calor_scene, only: scene_t
   use calor_scene_body, only: make_scene_body
@@ -99,6 +100,11 @@ module calor_simulation
     type(error_transport_t), allocatable :: estimate
     !> How particles move; not allocated where nothing moves
     type(motion_t), allocatable :: motion
+    !> The rows of the estimate's reference on their way with the particles, where both are in force
+    type(motion_t), allocatable, private :: reference_motion
+    type(scene_t), allocatable, private :: reference_scene
+    !> How these rows change
+    type(rows_in_motion_t), private :: reference_change
     !> The unknowns, where they are not the temperatures: heat contents, K
     real(wp), allocatable :: content(:)
     !> Wall time by phase
@@ -165,7 +171,10 @@ module calor_simulation
     procedure, private :: write_present_state
     procedure, private :: write_checkpoint
     procedure, private :: settle_state
+    procedure, private :: advance_resting
     procedure, private :: advance_moving
+    procedure, private :: take_reference_along
+    procedure, private :: shift_particles
     procedure, private :: settle_rows
     procedure, private :: adopt_rows
     procedure, private :: check_rows
@@ -219,6 +228,10 @@ contains
     this%scene = scene
     call check_target(scene%output%file, scene%output%place, scene, error)
     if (allocated(error)) return
+    if (scene%checkpoint%asked) then
+      call check_target(scene%checkpoint%file, scene%checkpoint%place, scene, error, 'checkpoint')
+      if (allocated(error)) return
+    end if
     if (scene%output%every*huge(1) < scene%time%end .and. scene%output%every > 0) then
       call raise(error, status_bad_input, scene%output%place//': every = '// &
                  to_text(scene%output%every)//' s asks for more states than can be counted: '// &
@@ -285,7 +298,9 @@ contains
     type(checkpoint_clock_t), target :: clock
     type(simulation_file_t) :: file
     type(error_t), allocatable :: file_error
-    logical :: stopped
+    real(wp) :: next
+    !> Whether the run was interrupted, and whether the state lies between two that are written
+    logical :: stopped, amid
 
     call this%certify(error)
     if (allocated(error)) return
@@ -305,25 +320,30 @@ contains
     end if
     do while (this%time < this%scene%time%end .and. .not. this%scene%time%steady)
       if (allocated(error) .or. allocated(file_error)) exit
-      call this%advance_to(this%next_output(), error)
+      next = this%next_output()
+      call this%advance_to(next, error)
       stopped = allocated(error) .and. interrupted()
-      if (stopped .or. (.not. allocated(error) .and. this%time < this%next_output())) then
+      amid = this%time < next .and. (stopped .or. .not. allocated(error))
+      if (amid) then
         call this%write_checkpoint(file, file_error)
         call clock%reset(this%time)
         if (allocated(file_error)) exit
         if (.not. stopped) cycle
         call this%settle_state(error)
+      else if (stopped) then
+        deallocate (error)
       end if
       if (allocated(this%motion) .and. .not. allocated(error)) call this%settle_rows(error)
-      if (.not. stopped) this%written = this%written + 1
+      if (.not. amid) this%written = this%written + 1
       ! After a failure the state is the last good one: it is written too.
       call this%write_present_state(file, file_error, observer)
-      if (stopped .or. allocated(error) .or. allocated(file_error)) exit
-      if (clock%is_due(this%time) .or. &
+      if (amid .or. allocated(error) .or. allocated(file_error)) exit
+      if (stopped .or. clock%is_due(this%time) .or. &
           (this%scene%checkpoint%asked .and. .not. this%time < this%scene%time%end)) then
         call this%write_checkpoint(file, file_error)
         call clock%reset(this%time)
       end if
+      if (stopped) exit
     end do
     nullify (this%stepper%listener)
     call finish()
@@ -480,12 +500,15 @@ contains
     !> The error cannot be brought up
     type(error_t), allocatable, intent(out) :: error
 
-    if (allocated(this%motion)) call this%motion%go_to(this%time, this%cloud, this%conduction)
-    if (.not. allocated(this%estimate)) return
-    if (allocated(this%content)) then
-      call this%estimate%catch_up(this%conduction, this%time, this%content, error)
-    else
-      call this%estimate%catch_up(this%conduction, this%time, this%temperature, error)
+    if (allocated(this%estimate)) then
+      if (allocated(this%content)) then
+        call this%estimate%catch_up(this%conduction, this%time, this%content, error)
+      else
+        call this%estimate%catch_up(this%conduction, this%time, this%temperature, error)
+      end if
+    end if
+    if (allocated(this%motion)) then
+      if (this%motion%under_way) call this%motion%go_to(this%time, this%cloud, this%conduction)
     end if
   end subroutine settle_state
 
@@ -532,8 +555,26 @@ contains
     call state%leave()
     call this%stepper%save(state)
     call this%conduction%save(state)
-    if (allocated(this%estimate)) call this%estimate%save(state)
-    if (allocated(this%motion)) call this%motion%save(this%cloud, state)
+    if (allocated(this%estimate)) then
+      call this%estimate%save(state)
+      select type (reference => this%estimate%reference)
+      type is (conduction_t)
+        call state%enter('reference')
+        call reference%save(state)
+        call state%leave()
+      end select
+    end if
+    if (allocated(this%motion)) then
+      call state%enter('motion')
+      call this%motion%save(this%cloud, state)
+      call state%leave()
+    end if
+    if (allocated(this%reference_motion)) then
+      call state%enter('reference_motion')
+      call this%reference_motion%save(this%cloud, state)
+      call this%reference_change%save(state)
+      call state%leave()
+    end if
     call state%put('output_file', this%scene%output%file)
     call state%enter('budget')
     call state%put('time', this%entries%time)
@@ -580,8 +621,25 @@ contains
     end if
     call state%get('method', this%method)
     call state%get('method_note', this%method_note)
+    if (allocated(this%reference_motion)) then
+      select type (reference => this%estimate%reference)
+      type is (conduction_t)
+        call state%enter('reference_motion')
+        call this%reference_motion%restore(this%reference_scene, this%cloud, reference, rows, &
+                                           renewed, .true., state, error)
+        call this%reference_change%restore(state)
+        call state%leave()
+        if (allocated(error)) return
+        call state%enter('reference')
+        call reference%restore(state)
+        call state%leave()
+      end select
+    end if
     if (allocated(this%motion)) then
-      call this%motion%restore(this%scene, this%cloud, this%conduction, rows, renewed, state, error)
+      call state%enter('motion')
+      call this%motion%restore(this%scene, this%cloud, this%conduction, rows, renewed, .false., &
+                               state, error)
+      call state%leave()
       if (allocated(error)) return
       if (renewed) call this%adopt_rows(rows)
       if (this%scene%motion%shifting) call this%budget%weigh(this%cloud%area)
@@ -868,8 +926,19 @@ contains
     if (allocated(this%motion)) then
       call this%advance_moving(time, error)
       call this%stopwatch%stop()
-      return
+    else
+      call this%advance_resting(time, error)
     end if
+  end subroutine advance_to
+
+  !> Step to a time with the rows as they are.
+  subroutine advance_resting(this, time, error)
+    class(simulation_t), intent(inout) :: this
+    !> Time to reach, s
+    real(wp), intent(in) :: time
+    !> The numbers went wrong
+    type(error_t), allocatable, intent(out) :: error
+
     if (allocated(this%content)) then
       call advance(this%content)
       call this%conduction%find_temperature(this%content, this%temperature)
@@ -881,13 +950,17 @@ contains
 
     subroutine advance(state)
       real(wp), intent(inout) :: state(:)
+      type(error_t), allocatable :: transport_error
 
       call this%stopwatch%start('steps')
       if (allocated(this%estimate)) then
         call this%stepper%advance_to(this%conduction, this%time, time, state, error, &
                                      watcher=this%estimate)
-        if (.not. allocated(error)) then
-          call this%estimate%catch_up(this%conduction, this%time, state, error)
+        if (.not. this%time < time .and. (interrupted() .or. .not. allocated(error))) then
+          call this%estimate%catch_up(this%conduction, this%time, state, transport_error)
+        end if
+        if (allocated(transport_error) .and. .not. allocated(error)) then
+          call move_alloc(transport_error, error)
         end if
         call this%stopwatch%stop()
         call this%stopwatch%take_over(this%estimate%stopwatch, 'steps')
@@ -897,7 +970,7 @@ contains
       end if
     end subroutine advance
 
-  end subroutine advance_to
+  end subroutine advance_resting
 
   !> Step to a time while particles move: each step of the motion has rows of its own, for the cloud
   !> in its middle, and conduction takes as many steps in it as it needs.
@@ -909,6 +982,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(scene_rows_t) :: rows
     type(error_t), allocatable :: ignored
+    type(error_t), allocatable :: shift_error
     real(wp) :: until
     logical :: renewed
 
@@ -918,25 +992,18 @@ contains
         call begin_step()
         if (allocated(error)) return
       end if
-      call this%stopwatch%start('steps')
-      if (allocated(this%content)) then
-        call this%stepper%advance_to(this%conduction, this%time, this%motion%until, this%content, &
-                                     error)
-        call this%conduction%find_temperature(this%content, this%temperature)
-      else
-        call this%stepper%advance_to(this%conduction, this%time, this%motion%until, &
-                                     this%temperature, error)
-      end if
+      call this%advance_resting(this%motion%until, error)
       call this%stopwatch%start('motion')
       ! A pause, or an interrupt: the step can be continued.
       if (this%time < this%motion%until .and. (interrupted() .or. .not. allocated(error))) return
       this%motion%under_way = .false.
+      if (allocated(this%reference_motion)) this%reference_motion%under_way = .false.
       call this%motion%go_to(this%time, this%cloud, this%conduction)
       if (allocated(error) .and. .not. interrupted()) return
       if (this%scene%motion%shifting) then
         call this%stopwatch%start('shifting')
-        call this%motion%shift(this%scene, this%cloud, this%conduction, this%temperature)
-        call this%conduction%impose(this%time, this%temperature)
+        call this%shift_particles(shift_error)
+        if (allocated(shift_error) .and. .not. allocated(error)) call move_alloc(shift_error, error)
       end if
       if (allocated(error)) return
     end do
@@ -952,6 +1019,9 @@ contains
       call this%motion%enter_middle(this%scene, this%cloud, this%conduction, rows, renewed, &
                                     error, this%stopwatch)
       if (.not. allocated(error) .and. renewed) call this%adopt_rows(rows, error)
+      if (.not. allocated(error) .and. allocated(this%estimate)) then
+        call this%take_reference_along(renewed, error)
+      end if
       if (allocated(error)) then
         ! Back to the last good state
         call this%motion%go_to(this%time, this%cloud, this%conduction)
@@ -960,10 +1030,88 @@ contains
       end if
       this%motion%until = until
       this%motion%under_way = .true.
+      if (allocated(this%reference_motion)) then
+        this%reference_motion%until = until
+        this%reference_motion%under_way = .true.
+      end if
       call this%stepper%integrator%restart()
     end subroutine begin_step
 
   end subroutine advance_moving
+
+  !> Make the reference's rows for where the cloud is now: amid a step of the motion.
+  subroutine take_reference_along(this, renewed, error)
+    class(simulation_t), intent(inout) :: this
+    !> Whether the scene's own rows are new
+    logical, intent(in) :: renewed
+    !> There are none
+    type(error_t), allocatable, intent(out) :: error
+    type(scene_rows_t) :: rows
+    logical :: reference_renewed
+
+    call this%stopwatch%start('error estimate')
+    select type (reference => this%estimate%reference)
+    type is (conduction_t)
+      associate (motion => this%reference_motion, path => this%motion%path, &
+                 change => this%reference_change)
+        call change%note_before(reference, this%time, this%state(), motion%rows_time)
+        call motion%accompany(this%motion)
+        call motion%enter_middle(this%reference_scene, this%cloud, reference, rows, &
+                                 reference_renewed, error, this%stopwatch)
+        if (allocated(error)) return
+        if (.not. (renewed .or. reference_renewed)) return
+        call reference%linearise(this%time, this%state())
+        call change%note_after(reference, this%time, this%state(), motion%rows_time, path%step)
+        call this%estimate%add_source(change%mean, change%slope, path%time + 0.5_wp*path%step)
+        call this%estimate%renew(this%conduction, this%time, this%state(), &
+                                 reference%spectral_bound())
+      end associate
+    end select
+  end subroutine take_reference_along
+
+  !> Spread particles evenly, and take the temperatures and their error to the new places.
+  subroutine shift_particles(this, error)
+    class(simulation_t), intent(inout) :: this
+    !> There are no rows for the new places
+    type(error_t), allocatable, intent(out) :: error
+    type(scene_rows_t) :: rows
+    logical :: renewed
+    real(wp), allocatable :: x(:), y(:), further_x(:), further_y(:), better(:)
+    integer(ip), allocatable :: origin(:)
+
+    call this%motion%find_shift(this%cloud, x, y, origin)
+    if (allocated(this%estimate)) better = this%temperature
+    call this%motion%carry(this%scene, this%cloud, origin, x, y, this%temperature)
+    if (allocated(this%estimate)) then
+      ! The reference carries the field to a higher order; the difference is an error.
+      further_x = x
+      further_y = y
+      call this%reference_motion%carry(this%reference_scene, this%cloud, origin, further_x, &
+                                       further_y, better)
+      where (further_x /= x .or. further_y /= y) better = this%temperature
+      better = better - this%temperature
+      further_x = x
+      further_y = y
+      call this%reference_motion%carry(this%reference_scene, this%cloud, origin, further_x, &
+                                       further_y, this%estimate%error)
+      this%estimate%error = this%estimate%error + better
+      call this%conduction%clear_prescribed(this%estimate%error)
+    end if
+    call this%motion%move_to(x, y, this%cloud, this%conduction)
+    call this%conduction%impose(this%time, this%temperature)
+    if (.not. allocated(this%estimate)) return
+    ! How rows change with the motion is seen by those of the same particles.
+    select type (reference => this%estimate%reference)
+    type is (conduction_t)
+      call this%stopwatch%start('error estimate')
+      call this%reference_motion%accompany(this%motion)
+      call this%reference_motion%renew_rows(this%reference_scene, this%cloud, reference, rows, &
+                                            renewed, error, this%stopwatch)
+      if (allocated(error)) return
+      this%reference_motion%rows_time = this%time
+      call reference%follow(this%cloud%x, this%cloud%y, this%motion%places)
+    end select
+  end subroutine shift_particles
 
   !> Rows for where the particles are, as what is told of a state needs them.
   subroutine settle_rows(this, error)
@@ -1110,6 +1258,7 @@ contains
     type(scene_t) :: scene
     type(conduction_t) :: reference
     type(scene_rows_t) :: rows
+    type(row_maker_t) :: maker
     type(expression_t) :: initial
     type(body_t) :: body
     real(wp), allocatable :: temperature(:)
@@ -1125,8 +1274,14 @@ contains
     scene%support = usual_support('consistent', scene%order)
     temperature = this%temperature
     call make_scene_evolution(scene, this%cloud, scene_method(scene), temperature, reference, &
-                              rows, error, further=further)
+                              rows, error, further=further, maker=maker)
     if (allocated(error)) return
+    if (allocated(this%motion)) then
+      allocate (this%reference_motion)
+      call this%reference_motion%prepare(scene, this%cloud, reference, maker, rows%radius, error)
+      if (allocated(error)) return
+      this%reference_scene = scene
+    end if
     allocate (this%estimate)
     call this%estimate%begin(this%conduction, reference, this%time, this%state(), &
                              reference%spectral_bound())

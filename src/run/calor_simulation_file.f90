@@ -113,7 +113,7 @@ contains
 
   !> Find out, before any work is done, whether a file can be written; '' stands for none.
   !> What the scene is read from is not to be written over.
-  subroutine check_target(path, place, scene, error)
+  subroutine check_target(path, place, scene, error, called)
     !> The file
     character(len=*), intent(in) :: path
     !> Where the scene names it
@@ -122,10 +122,12 @@ contains
     type(scene_t), intent(in) :: scene
     !> It cannot be written, or must not
     type(error_t), allocatable, intent(out) :: error
+    !> What the file is called in messages; without it 'output file'
+    character(len=*), intent(in), optional :: called
     character(len=:), allocatable :: target
 
     if (path == '') return
-    call check_place(path, error)
+    call check_place(path, error, called)
     if (allocated(error)) then
       error%message = place//': '//error%message
       return
@@ -288,7 +290,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(field_state_t) :: empty
     real(wp), allocatable :: values(:)
-    integer :: k, j
+    integer :: k
 
     if (.not. this%in_use) return
     do k = 1, states
@@ -299,16 +301,29 @@ contains
         if (allocated(error)) return
       end if
       allocate (this%state%name(0), this%state%value(earlier%particles, 0))
+      ! Fields about the rows come last, and with each state only where particles move.
+      call take_fields(.true.)
+      if (.not. allocated(error) .and. this%in_motion) call take_fields(.false.)
+      if (allocated(error)) return
+      call this%write_state(error)
+      if (allocated(error)) return
+    end do
+
+  contains
+
+    subroutine take_fields(changing)
+      logical, intent(in) :: changing
+      integer :: j
+
       do j = 1, size(this%fields)
         if (.not. earlier%has(this%fields(j)%value)) cycle
-        if (.not. (this%in_motion .or. changes_with_time(this%fields(j)%value))) cycle
+        if (changes_with_time(this%fields(j)%value) .neqv. changing) cycle
         call earlier%read_field(this%fields(j)%value, k, values, error)
         if (allocated(error)) return
         call this%state%add(this%fields(j)%value, values)
       end do
-      call this%write_state(error)
-      if (allocated(error)) return
-    end do
+    end subroutine take_fields
+
   end subroutine take_over
 
   !> Whether a field is written with each state even where nothing moves

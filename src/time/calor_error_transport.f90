@@ -64,6 +64,9 @@ module calor_error_transport
     type(stopwatch_t) :: stopwatch
     !> τ at `time`, and the sum of the errors of the steps since
     real(wp), allocatable, private :: defect(:), step_errors(:)
+    !> A further part of τ: its mean over a step of the motion, its slope, and the middle, s
+    real(wp), allocatable, private :: further_mean(:), further_slope(:)
+    real(wp), private :: further_middle = 0.0_wp
     !> How far e is advanced at a time, s; 0: as far as the first step
     real(wp), private :: interval = 0.0_wp
     !> The first step must not be longer, s
@@ -80,6 +83,10 @@ module calor_error_transport
     !> Lay aside what the error's further way depends on, and take it up again
     procedure :: save => save_transport
     procedure :: restore => restore_transport
+    !> Note that both discretisations have become other ones
+    procedure :: renew
+    !> Take a further source of error into account
+    procedure :: add_source
     procedure, private :: measure_defect
     procedure, private :: foresee_change
   end type error_transport_t
@@ -103,6 +110,8 @@ contains
     allocate (this%defect(size(u)), this%transport%start(size(u)), this%transport%slope(size(u)))
     this%time = time
     allocate (rkl2_t :: this%stepper%integrator)
+    ! A step of the solution is not over before its error has been brought up to it.
+    this%stepper%interruptible = .false.
     this%stepper%spectral_radius = spectral_radius
     this%stepper%longest_step = this%stepper%integrator%longest_stable_step(spectral_radius)
     call this%measure_defect(evolution, time, u, this%defect)
@@ -178,6 +187,11 @@ contains
       this%defect(k) = this%defect(k) + change(k)
     end do
     !$omp end parallel do
+    if (allocated(this%further_mean)) then
+      this%transport%start = this%transport%start + this%further_mean + &
+                             (this%time - this%further_middle)*this%further_slope
+      this%transport%slope = this%transport%slope + this%further_slope
+    end if
     size_of_defect = root_mean_square(this%defect)
     call this%reference%linearise(time, u)
     this%transport%base => this%reference
@@ -211,6 +225,11 @@ contains
     call state%put('interval', this%interval)
     call state%put('first', this%first)
     call state%put('evaluations', this%evaluations)
+    if (allocated(this%further_mean)) then
+      call state%put('further_mean', this%further_mean)
+      call state%put('further_slope', this%further_slope)
+      call state%put('further_middle', this%further_middle)
+    end if
     call this%stepper%save(state)
     call state%leave()
   end subroutine save_transport
@@ -227,9 +246,42 @@ contains
     call state%get('interval', this%interval)
     call state%get('first', this%first)
     call state%get('evaluations', this%evaluations)
+    if (state%has('further_mean')) then
+      call state%get('further_mean', this%further_mean)
+      call state%get('further_slope', this%further_slope)
+      call state%get('further_middle', this%further_middle)
+    end if
     call this%stepper%restore(state)
     call state%leave()
   end subroutine restore_transport
+
+  !> To be called between intervals, when F or F_p is no longer what it was.
+  subroutine renew(this, evolution, time, u, spectral_radius)
+    class(error_transport_t), intent(inout) :: this
+    !> What is integrated
+    class(evolution_t), intent(inout) :: evolution
+    !> Time, s, and state of the solution; e must belong to that time
+    real(wp), intent(in) :: time, u(:)
+    !> Spectral radius of F_p', 1/s, on the safe side
+    real(wp), intent(in) :: spectral_radius
+
+    this%stepper%spectral_radius = spectral_radius
+    this%stepper%longest_step = this%stepper%integrator%longest_stable_step(spectral_radius)
+    call this%measure_defect(evolution, time, u, this%defect)
+  end subroutine renew
+
+  !> To be called between intervals: what F misses beside τ, until it is called again.
+  subroutine add_source(this, mean, slope, middle)
+    class(error_transport_t), intent(inout) :: this
+    !> Its mean and its slope in time
+    real(wp), intent(in) :: mean(:), slope(:)
+    !> The time when it is equal to its mean, s
+    real(wp), intent(in) :: middle
+
+    this%further_mean = mean
+    this%further_slope = slope
+    this%further_middle = middle
+  end subroutine add_source
 
   !> τ = F_p(u) - F(u)
   subroutine measure_defect(this, evolution, time, u, defect)

@@ -41,6 +41,8 @@ module calor_stepper
     real(wp), private :: parts_start = 0.0_wp, parts_end = 0.0_wp, parts_time = 0.0_wp
     !> Whether the listener asks for a pause
     logical, private :: pause = .false.
+    !> Whether an interrupt ends the integration after a step
+    logical :: interruptible = .true.
     !> Who hears of each step
     class(step_listener_t), pointer :: listener => null()
   contains
@@ -197,7 +199,7 @@ contains
     if (present(watcher)) then
       call watcher%stepped(evolution, this%integrator, time, step, u, error)
     end if
-    if (.not. allocated(error) .and. interrupted()) then
+    if (.not. allocated(error) .and. this%interruptible .and. interrupted()) then
       call raise(error, interrupt_status(), 'Interrupted at t = '//to_text(time, digits=6)//' s.')
     end if
   end subroutine try_step
