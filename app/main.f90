@@ -114,8 +114,8 @@ contains
       return
     end if
     if (asked%has('--checkpoint') .and. .not. asked%has('--resume')) then
-      call raise(error, status_bad_input, '--checkpoint says what to resume from: give --resume '// &
-                 'too. Where checkpoints are written is said by &checkpoint file.')
+      call raise(error, status_bad_input, '--checkpoint says what to resume from: give '// &
+                 '--resume too. Where checkpoints are written is said by &checkpoint file.')
       return
     end if
     call read_scene(asked%word(1), scene, error)

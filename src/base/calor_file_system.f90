@@ -266,8 +266,8 @@ contains
     reason = reason_of(c_link(c_loc(from), c_loc(to)))
   end subroutine link_file
 
-  !> Wait until all that was written to an open file is on the disk. A file system that knows no such
-  !> thing is no reason to fail.
+  !> Wait until all that was written to an open file is on the disk. A file system that knows no
+  !> such thing is no reason to fail.
   subroutine synchronise(unit, reason)
     !> Fortran's number of the file, flushed
     integer, intent(in) :: unit

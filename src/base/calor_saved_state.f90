@@ -1,7 +1,7 @@
 !> The state of something that can be laid aside and taken up again: named numbers and texts.
 !>
-!> Whatever has a state of its own saves it by `put` and restores it by `get`, under names of its own
-!> in the group that its owner has entered:
+!> Whatever has a state of its own saves it by `put` and restores it by `get`, under names of its
+!> own in the group that its owner has entered:
 !>
 !>     call state%enter('stepper')
 !>     call state%put('steps', this%steps)

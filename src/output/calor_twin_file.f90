@@ -1,11 +1,10 @@
 !> The output file of a run, in two copies, so that the one in its place is whole at every moment.
 !>
-!> HDF5 changes a file in many places for each step that is added: a program that is killed, or a
-!> machine that loses power, in the middle of that leaves a file that may not open. So a step is added
-!> to the copy beside first; then the two copies change names, which the system does at once; and the
-!> step is added to the other one. What is read under the target's name is a whole file with all
-!> steps that were written, and nothing is copied. It costs the writing and the room twice, until the
-!> end: then the copy beside gets what is known only then, takes the place, and the other is gone.
+!> HDF5 changes a file in many places for each step that is added: a program that is killed in the
+!> middle of that leaves a file that may not open. So a step is added to the copy beside first; then
+!> the two copies change names, which the system does at once; and the step is added to the other
+!> one. What is read under the target's name is a whole file with all steps that were written, and
+!> nothing is copied. It costs the writing and the room twice, until the end: then the copy beside gets what is known only then, takes the place, and the other is gone.
 !>
 !> A file system that knows no second names of a file cannot do that: there one copy is written in
 !> its place.

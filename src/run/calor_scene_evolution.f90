@@ -145,7 +145,14 @@ contains
       call own%materials%find_content(scene%file, cloud, conduction%effects, lowest, highest, &
                                       content, error)
       if (allocated(error)) return
-      if (allocated(content)) call conduction%use_content(content, temperature)
+      if (allocated(content)) then
+        call conduction%use_content(content, temperature)
+        call own%materials%find_local(cloud, lowest, highest, conduction%local)
+        call own%materials%find_jumps(content, cloud, conduction%laplacian, .true., lowest, &
+                                      highest, conduction%jumps)
+        call own%materials%find_jumps(content, cloud, conduction%held_rows, .false., lowest, &
+                                      highest, conduction%held_jumps)
+      end if
     end if
     call conduction%assume_stiffest()
   end subroutine make_scene_evolution

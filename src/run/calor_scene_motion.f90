@@ -517,7 +517,8 @@ contains
 
   !> The rows are those of the places for which they were made; the heat equation is told where the
   !> particles are.
-  subroutine restore_motion(this, scene, cloud, conduction, rows, renewed, accompanies, state, error)
+  subroutine restore_motion(this, scene, cloud, conduction, rows, renewed, accompanies, state, &
+                            error)
     class(motion_t), intent(inout) :: this
     !> The scene, its cloud and the heat equation, as they are at the start
     type(scene_t), intent(in) :: scene

@@ -19,6 +19,8 @@ module calor_simulation
   use calor_kernels, only: make_kernel
   use calor_kinds, only: wp, ip
   use calor_laplacian_schemes, only: usual_support
+  use calor_local_polynomial, only: interpolate_field
+  use calor_materials, only: materials_t, read_materials
   use calor_method_choice, only: method_choice_t, problem_t, foresee_costs
   use calor_rightmost_eigenvalue, only: rightmost_t, find_rightmost
   use calor_row_report, only: row_report_t
@@ -57,6 +59,9 @@ module calor_simulation
   real(wp), parameter :: rounding = 1.0e-11_wp
   !> Error of one step, as a part of the range of given temperatures, where the scene gives none
   real(wp), parameter :: default_tolerance = 1.0e-6_wp
+
+  character(len=*), parameter :: coarser_run = 'In the run with particles twice as far apart, '// &
+                                               'from which the error is estimated: '
 
   !> A scene at work
   type :: simulation_t
@@ -98,6 +103,9 @@ module calor_simulation
     real(wp), allocatable :: temperature(:)
     !> The error of the temperatures, where the scene asks for it
     type(error_transport_t), allocatable :: estimate
+    !> Where something melts: the same scene with particles twice as far apart, which tells the
+    !> error; a simulation_t (gfortran 12 fails on types that hold their own kind)
+    class(*), allocatable :: coarser
     !> How particles move; not allocated where nothing moves
     type(motion_t), allocatable :: motion
     !> The rows of the estimate's reference on their way with the particles, where both are in force
@@ -146,6 +154,8 @@ module calor_simulation
     procedure :: knows_exact
     !> ‖u - u_exact‖ / ‖u_exact‖ in the L2 norm over the body, by the particles' areas
     procedure :: relative_l2_error
+    !> Whether the scene asks for an estimate of the error
+    procedure :: estimates_error
     !> Estimate of that error, from the error carried along
     procedure :: estimated_error
     !> Estimate of the largest error of a temperature, K
@@ -154,6 +164,8 @@ module calor_simulation
     procedure :: error_estimate
     procedure, private :: temperature_slope
     procedure, private :: prepare_estimate
+    procedure, private :: prepare_coarser
+    procedure, private :: advance_coarser
     !> How much of each particle is liquid, from 0 to 1
     procedure :: liquid_fraction
     procedure, private :: state
@@ -283,7 +295,11 @@ contains
     end if
     if (scene%accuracy%estimate) then
       call this%stopwatch%start('error estimate')
-      call this%prepare_estimate(error, further)
+      if (scene%melts .and. .not. scene%time%steady) then
+        call this%prepare_coarser(error, further)
+      else
+        call this%prepare_estimate(error, further)
+      end if
       if (allocated(error)) return
     end if
     call this%stopwatch%stop()
@@ -358,7 +374,7 @@ contains
         call file%begin_closing()
         call file%write_budget(this%budget, this%entries)
         if (this%knows_exact()) call file%note('relative_l2_error', this%relative_l2_error())
-        if (allocated(this%estimate)) then
+        if (this%estimates_error()) then
           call file%note('estimated_error', this%estimated_error())
           call file%note('estimated_maximum_error', this%estimated_maximum_error())
         end if
@@ -465,7 +481,7 @@ contains
     if (allocated(this%motion)) call file%move_points(this%cloud)
     call this%stopwatch%start('output')
     call this%note_budget()
-    if (allocated(this%estimate)) then
+    if (this%estimates_error()) then
       call file%begin_state(this%time, this%temperature, this%exact, this%liquid_fraction(), &
                             this%error_estimate())
     else
@@ -507,6 +523,7 @@ contains
         call this%estimate%catch_up(this%conduction, this%time, this%temperature, error)
       end if
     end if
+    if (allocated(this%coarser) .and. .not. allocated(error)) call this%advance_coarser(error)
     if (allocated(this%motion)) then
       if (this%motion%under_way) call this%motion%go_to(this%time, this%cloud, this%conduction)
     end if
@@ -531,7 +548,7 @@ contains
   end subroutine resume
 
   !> Lay aside all that the rest of the run depends on and `prepare` does not know.
-  subroutine save_simulation(this, state)
+  recursive subroutine save_simulation(this, state)
     class(simulation_t), intent(in) :: this
     type(saved_state_t), intent(inout) :: state
     real(wp), allocatable :: power(:, :)
@@ -543,7 +560,7 @@ contains
     call state%put('temperature', this%temperature)
     if (allocated(this%content)) call state%put('content', this%content)
     call state%put('method', this%method)
-    call state%put('method_note', this%method_note)
+    if (allocated(this%method_note)) call state%put('method_note', this%method_note)
     call state%enter('rightmost_eigenvalue')
     call state%put('value', [this%rightmost%growth_rate, this%rightmost%frequency])
     call state%put('converged', this%rightmost%converged)
@@ -575,6 +592,14 @@ contains
       call this%reference_change%save(state)
       call state%leave()
     end if
+    if (allocated(this%coarser)) then
+      select type (coarser => this%coarser)
+      type is (simulation_t)
+        call state%enter('coarser')
+        call coarser%save(state)
+        call state%leave()
+      end select
+    end if
     call state%put('output_file', this%scene%output%file)
     call state%enter('budget')
     call state%put('time', this%entries%time)
@@ -598,7 +623,7 @@ contains
   end subroutine save_simulation
 
   !> Take up what was laid aside, after `prepare`.
-  subroutine restore_simulation(this, state, error)
+  recursive subroutine restore_simulation(this, state, error)
     class(simulation_t), intent(inout) :: this
     type(saved_state_t), intent(inout) :: state
     !> It does not fit
@@ -620,7 +645,7 @@ contains
       return
     end if
     call state%get('method', this%method)
-    call state%get('method_note', this%method_note)
+    if (state%has('method_note')) call state%get('method_note', this%method_note)
     if (allocated(this%reference_motion)) then
       select type (reference => this%estimate%reference)
       type is (conduction_t)
@@ -646,6 +671,15 @@ contains
     end if
     call this%conduction%restore(state)
     if (allocated(this%estimate)) call this%estimate%restore(state)
+    if (allocated(this%coarser)) then
+      select type (coarser => this%coarser)
+      type is (simulation_t)
+        call state%enter('coarser')
+        call coarser%restore(state, error)
+        call state%leave()
+        if (allocated(error)) return
+      end select
+    end if
     ! A new integrator: the one at hand may have steps of its own behind it.
     call make_integrator(this%method, this%stepper%integrator, error)
     if (allocated(error)) return
@@ -893,6 +927,8 @@ contains
   function effects_in_force(this) result(texts)
     class(simulation_t), intent(in) :: this
     type(text_t), allocatable :: texts(:)
+    type(materials_t) :: materials
+    type(error_t), allocatable :: error
     integer :: k
 
     call append(texts, 'conduction')
@@ -908,6 +944,9 @@ contains
         call append(texts, 'shifting ('//this%scene%motion%place//')')
       end if
     end if
+    ! They have been read before.
+    call read_materials(this%scene%file, materials, error)
+    texts = [texts, materials%in_force()]
     if (.not. allocated(this%conduction%effects)) return
     do k = 1, size(this%conduction%effects)
       associate (effect => this%conduction%effects(k)%effect)
@@ -916,12 +955,13 @@ contains
     end do
   end function effects_in_force
 
-  subroutine advance_to(this, time, error)
+  recursive subroutine advance_to(this, time, error)
     class(simulation_t), intent(inout) :: this
     !> Time to reach, s
     real(wp), intent(in) :: time
     !> The numbers went wrong; time and temperature are those of the last good state
     type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable :: coarser_error
 
     if (allocated(this%motion)) then
       call this%advance_moving(time, error)
@@ -929,7 +969,27 @@ contains
     else
       call this%advance_resting(time, error)
     end if
+    ! What pauses amid an interval leaves the coarser run behind.
+    if (.not. allocated(this%coarser) .or. this%time < time) return
+    if (allocated(error) .and. .not. interrupted()) return
+    call this%advance_coarser(coarser_error)
+    if (allocated(coarser_error)) call move_alloc(coarser_error, error)
   end subroutine advance_to
+
+  !> Bring the coarser run to the present time.
+  recursive subroutine advance_coarser(this, error)
+    class(simulation_t), intent(inout) :: this
+    !> The numbers went wrong
+    type(error_t), allocatable, intent(out) :: error
+
+    call this%stopwatch%start('error estimate')
+    select type (coarser => this%coarser)
+    type is (simulation_t)
+      call coarser%advance_to(this%time, error)
+    end select
+    call this%stopwatch%stop()
+    if (allocated(error)) error%message = coarser_run//error%message
+  end subroutine advance_coarser
 
   !> Step to a time with the rows as they are.
   subroutine advance_resting(this, time, error)
@@ -1204,11 +1264,32 @@ contains
     if (norm > 0) deviation = deviation/norm
   end function relative_l2_error
 
+  function estimates_error(this) result(answer)
+    class(simulation_t), intent(in) :: this
+    logical :: answer
+
+    answer = allocated(this%estimate) .or. allocated(this%coarser)
+  end function estimates_error
+
   !> The error of each temperature: what is carried along is that of the unknown.
+  !>
+  !> Where something melts the front lies anywhere between particles, and errors are of first order:
+  !> those of the coarser run are about twice as large.
   function error_estimate(this) result(deviation)
     class(simulation_t), intent(in) :: this
     real(wp), allocatable :: deviation(:)
 
+    if (allocated(this%coarser)) then
+      allocate (deviation(size(this%temperature)))
+      select type (coarser => this%coarser)
+      type is (simulation_t)
+        call interpolate_field(coarser%cloud%x, coarser%cloud%y, coarser%temperature, &
+                               coarser%cloud%spacing, 1, this%cloud%x, this%cloud%y, deviation)
+      end select
+      deviation = this%temperature - deviation
+      call this%conduction%clear_prescribed(deviation)
+      return
+    end if
     deviation = this%estimate%error
     ! A steady state is found in terms of the temperature.
     if (allocated(this%content) .and. .not. this%scene%time%steady) then
@@ -1246,6 +1327,28 @@ contains
 
     largest = maxval(abs(this%error_estimate()))
   end function estimated_maximum_error
+
+  !> The same scene with particles twice as far apart.
+  subroutine prepare_coarser(this, error, further)
+    class(simulation_t), intent(inout) :: this
+    type(error_t), allocatable, intent(out) :: error
+    type(effect_slot_t), intent(in), optional :: further(:)
+    type(scene_t) :: scene
+
+    scene = this%scene
+    scene%accuracy%estimate = .false.
+    scene%domain%spacing = 2*this%cloud%spacing
+    scene%output%file = ''
+    allocate (simulation_t :: this%coarser)
+    select type (coarser => this%coarser)
+    type is (simulation_t)
+      call coarser%prepare(scene, error, further, uncertified=.true.)
+      if (.not. allocated(error)) call coarser%certify(error)
+      ! A step of the run is not over before its estimate has come to the same time.
+      coarser%stepper%interruptible = .false.
+    end select
+    if (allocated(error)) error%message = coarser_run//error%message
+  end subroutine prepare_coarser
 
   !> The same problem by a scheme of higher order, with which the error is carried along.
   !>

@@ -34,6 +34,8 @@ module calor_simulation_file
     integer :: states = 0
     !> Whether particles move
     logical, private :: in_motion = .false.
+    !> Whether states of an earlier file are on their way: it stays until all are here
+    logical, private :: taking_over = .false.
     !> The first error of a note, reported on closing
     type(error_t), allocatable, private :: pending
   contains
@@ -267,7 +269,7 @@ contains
     if (allocated(error)) return
     this%states = this%states + 1
     ! A second state: the run works, so the file takes its place, that of an older one perhaps.
-    if (this%states == 2) call this%publish(error)
+    if (this%states == 2 .and. .not. this%taking_over) call this%publish(error)
   end subroutine write_state
 
   subroutine publish(this, error)
@@ -278,8 +280,8 @@ contains
     if (this%in_use .and. this%states > 0) call this%file%publish(error)
   end subroutine publish
 
-  !> Take over the first states of an earlier file, in the same order of writing: what becomes of the
-  !> file is what would have become of it had there been no break.
+  !> Take over the first states of an earlier file, in the same order of writing: what becomes of
+  !> the file is what would have become of it had there been no break.
   subroutine take_over(this, earlier, states, error)
     class(simulation_file_t), intent(inout) :: this
     !> The earlier file
@@ -293,6 +295,7 @@ contains
     integer :: k
 
     if (.not. this%in_use) return
+    this%taking_over = .true.
     do k = 1, states
       this%state = empty
       this%state%time = earlier%time(k)
@@ -308,6 +311,8 @@ contains
       call this%write_state(error)
       if (allocated(error)) return
     end do
+    this%taking_over = .false.
+    if (states > 1) call this%publish(error)
 
   contains
 

@@ -1,5 +1,5 @@
-!> Whoever wants to hear of each step of a run, to show progress or to lay the state aside: it changes
-!> nothing, but may have the integration pause.
+!> Whoever wants to hear of each step of a run, to show progress or to lay the state aside: it
+!> changes nothing, but may have the integration pause.
 module calor_step_listener
   use calor_kinds, only: wp
   implicit none (type, external)

@@ -63,8 +63,8 @@ module calor_stepper
 
 contains
 
-  !> Integrate; the last step ends exactly at `end_time`. Where the listener asks for a pause, `time`
-  !> is less than that: a further call with the same end goes on as if there had been none.
+  !> Integrate; the last step ends exactly at `end_time`. Where the listener asks for a pause,
+  !> `time` is less than that: a further call with the same end goes on as if there had been none.
   subroutine advance_to(this, evolution, time, end_time, u, error, at_most, watcher)
     class(stepper_t), intent(inout) :: this
     !> What is integrated

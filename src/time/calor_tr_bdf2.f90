@@ -57,7 +57,7 @@ module calor_tr_bdf2
     !> Where the Jacobian was found: the time, s, and the state, where it depends on that
     real(wp), private :: jacobian_time = 0.0_wp
     real(wp), allocatable, private :: jacobian_state(:)
-    !> Jacobian and factors for this d Δt are to be found again for a state taken up; negative: not so
+    !> Jacobian and factors for this d Δt are to be found again, for a state taken up; negative: no
     real(wp), private :: restored_shift = -1.0_wp
   contains
     procedure :: longest_stable_step
