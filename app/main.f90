@@ -115,16 +115,32 @@ contains
       call raise(error, status_bad_input, 'A run is either --quiet or --verbose, not both.')
       return
     end if
+    if (asked%has('--checkpoint') .and. .not. asked%has('--resume')) then
+      call raise(error, status_bad_input, '--checkpoint says what to resume from: give '// &
+                 '--resume too. Where checkpoints are written is said by &checkpoint file.')
+      return
+    end if
     call read_scene(asked%word(1), scene, error)
     if (allocated(error)) return
-    if (scene%accuracy%target > 0) then
+    if (scene%accuracy%target > 0 .and. .not. asked%has('--resume')) then
       call run_to_target(scene, quiet, error)
       return
     end if
-    call simulation%prepare(scene, error)
+    if (asked%has('--resume')) then
+      call simulation%resume(scene, asked%option_value('--checkpoint'), error)
+    else
+      call simulation%prepare(scene, error)
+    end if
     if (allocated(error)) return
     if (.not. quiet) call say_lines(describe_plan(simulation))
     if (.not. quiet) call say('')
+    if (asked%has('--resume') .and. .not. quiet) then
+      call say('Resumed at t = '//to_text(simulation%time, digits=6)//' s, after '// &
+               to_text(simulation%stepper%steps)//' steps')
+      call say('')
+    end if
+    ! From here on Ctrl-C ends the run after its step, and nothing is lost.
+    if (.not. scene%time%steady) call watch_for_interrupt()
     said = everything_said()
     call progress%begin(scene%time%end, quiet, asked%has('--verbose'))
     call simulation%run(error, progress, lean=.true.)

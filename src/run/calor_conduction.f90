@@ -18,6 +18,7 @@ module calor_conduction
   use calor_places, only: places_t
   use calor_potential_jumps, only: potential_jumps_t
   use calor_prescribed, only: prescribed_t
+  use calor_saved_state, only: saved_state_t
   use calor_sparse_operator, only: sparse_operator_t
   use calor_streamed_rows, only: streamed_rows_t
   use calor_text, only: to_text
@@ -125,6 +126,9 @@ module calor_conduction
     procedure :: keep_streamed_rows
     !> Whether the rows laid out for speed are those of the Laplacian
     procedure, private :: is_streamed
+    !> Lay aside what the states so far have left, and take it up again
+    procedure :: save => save_conduction
+    procedure :: restore => restore_conduction
     !> What rows at held particles make of a state
     procedure :: apply_held_rows
     procedure, private :: apply_rows
@@ -941,5 +945,42 @@ contains
     this%lowest = min(this%lowest, minval(temperature))
     this%highest = max(this%highest, maxval(temperature))
   end subroutine note_range
+
+  subroutine save_conduction(this, state)
+    class(conduction_t), intent(in) :: this
+    type(saved_state_t), intent(inout) :: state
+
+    call state%enter('conduction')
+    call state%put('range', [this%lowest, this%highest])
+    call state%put('excursion', this%excursion)
+    call state%put('growing_steps', this%growing_steps)
+    if (allocated(this%slope)) call state%put('slope', this%slope)
+    if (allocated(this%content)) then
+      call state%put('temperature_slope', this%temperature_slope)
+      call state%put('potential_slope', this%potential_slope)
+    end if
+    call state%leave()
+  end subroutine save_conduction
+
+  subroutine restore_conduction(this, state)
+    class(conduction_t), intent(inout) :: this
+    type(saved_state_t), intent(inout) :: state
+    real(wp), allocatable :: range(:)
+
+    call state%enter('conduction')
+    call state%get('range', range)
+    if (allocated(range)) then
+      this%lowest = range(1)
+      this%highest = range(2)
+    end if
+    call state%get('excursion', this%excursion)
+    call state%get('growing_steps', this%growing_steps)
+    if (allocated(this%slope)) call state%get('slope', this%slope)
+    if (allocated(this%content)) then
+      call state%get('temperature_slope', this%temperature_slope)
+      call state%get('potential_slope', this%potential_slope)
+    end if
+    call state%leave()
+  end subroutine restore_conduction
 
 end module calor_conduction

@@ -21,6 +21,7 @@ module calor_error_transport
   use calor_integrator, only: integrator_t
   use calor_kinds, only: wp
   use calor_rkl2, only: rkl2_t
+  use calor_saved_state, only: saved_state_t
   use calor_step_watcher, only: step_watcher_t
   use calor_stepper, only: stepper_t
   use calor_stopwatch, only: stopwatch_t
@@ -79,6 +80,9 @@ module calor_error_transport
     procedure :: longest_step
     !> Bring e up to the time of the solution
     procedure :: catch_up
+    !> Lay aside what the error's further way depends on, and take it up again
+    procedure :: save => save_transport
+    procedure :: restore => restore_transport
     !> Note that both discretisations have become other ones
     procedure :: renew
     !> Take a further source of error into account
@@ -107,6 +111,8 @@ contains
     allocate (this%defect(size(u)), this%transport%start(size(u)), this%transport%slope(size(u)))
     this%time = time
     allocate (rkl2_t :: this%stepper%integrator)
+    ! A step of the solution is not over before its error has been brought up to it.
+    this%stepper%interruptible = .false.
     this%stepper%spectral_radius = spectral_radius
     this%stepper%longest_step = this%stepper%integrator%longest_stable_step(spectral_radius)
     call this%measure_defect(evolution, time, u, this%defect)
@@ -209,6 +215,48 @@ contains
     end if
     call this%stopwatch%stop()
   end subroutine catch_up
+
+  subroutine save_transport(this, state)
+    class(error_transport_t), intent(in) :: this
+    type(saved_state_t), intent(inout) :: state
+
+    call state%enter('estimate')
+    call state%put('time', this%time)
+    call state%put('error', this%error)
+    call state%put('defect', this%defect)
+    call state%put('step_errors', this%step_errors)
+    call state%put('interval', this%interval)
+    call state%put('first', this%first)
+    call state%put('evaluations', this%evaluations)
+    if (allocated(this%further_mean)) then
+      call state%put('further_mean', this%further_mean)
+      call state%put('further_slope', this%further_slope)
+      call state%put('further_middle', this%further_middle)
+    end if
+    call this%stepper%save(state)
+    call state%leave()
+  end subroutine save_transport
+
+  subroutine restore_transport(this, state)
+    class(error_transport_t), intent(inout) :: this
+    type(saved_state_t), intent(inout) :: state
+
+    call state%enter('estimate')
+    call state%get('time', this%time)
+    call state%get('error', this%error)
+    call state%get('defect', this%defect)
+    call state%get('step_errors', this%step_errors)
+    call state%get('interval', this%interval)
+    call state%get('first', this%first)
+    call state%get('evaluations', this%evaluations)
+    if (state%has('further_mean')) then
+      call state%get('further_mean', this%further_mean)
+      call state%get('further_slope', this%further_slope)
+      call state%get('further_middle', this%further_middle)
+    end if
+    call this%stepper%restore(state)
+    call state%leave()
+  end subroutine restore_transport
 
   !> To be called between intervals, when F or F_p is no longer what it was.
   subroutine renew(this, evolution, time, u, spectral_radius)

@@ -41,6 +41,8 @@ module calor_implicit_system
     procedure :: is_loaded
     !> Make ready for a value of s
     procedure :: set_shift
+    !> The value it is ready for; negative: for none
+    procedure :: present_shift
     !> Make ready for -J alone
     procedure :: set_steady
     !> Solve
@@ -74,6 +76,13 @@ contains
 
     answer = this%jacobian%rows() > 0
   end function is_loaded
+
+  pure function present_shift(this) result(shift)
+    class(implicit_system_t), intent(in) :: this
+    real(wp) :: shift
+
+    shift = this%shift
+  end function present_shift
 
   subroutine set_shift(this, shift, done)
     class(implicit_system_t), intent(inout) :: this

@@ -2,6 +2,7 @@
 module calor_integrator
   use calor_evolution, only: evolution_t
   use calor_kinds, only: wp
+  use calor_saved_state, only: saved_state_t
   implicit none (type, external)
   private
 
@@ -40,6 +41,9 @@ module calor_integrator
     procedure :: add_step_error
     !> Forget what was carried over from the last step: F is another one now
     procedure :: restart
+    !> Lay aside what is carried over, and take it up again
+    procedure :: save => save_integrator
+    procedure :: restore => restore_integrator
   end type integrator_t
 
   abstract interface
@@ -166,5 +170,20 @@ contains
     associate (unused => this)
     end associate
   end subroutine restart
+
+  !> A method that carries something over saves it besides.
+  subroutine save_integrator(this, state)
+    class(integrator_t), intent(in) :: this
+    type(saved_state_t), intent(inout) :: state
+
+    call state%put('evaluations', this%evaluations)
+  end subroutine save_integrator
+
+  subroutine restore_integrator(this, state)
+    class(integrator_t), intent(inout) :: this
+    type(saved_state_t), intent(inout) :: state
+
+    call state%get('evaluations', this%evaluations)
+  end subroutine restore_integrator
 
 end module calor_integrator
