@@ -11,7 +11,7 @@
 PREFIX ?= /usr/local
 
 .PHONY: help build run install test test-checked examples lint format pictures hard-cases cost documents \
-  docs outside steppers verification absent-effects bench fuzz set-up clean distclean
+  docs outside steppers verification absent-effects bench fuzz kill-runs set-up clean distclean
 SHELL := /bin/bash
 
 RELEASE_FLAGS := -O3 -march=native
@@ -22,6 +22,7 @@ CHECKED_FLAGS := -Og -g -fcheck=all,no-array-temps -finit-real=snan -ffpe-trap=i
 # What one build consists of; `test-checked` sets these three anew.
 FLAGS    ?= $(RELEASE_FLAGS)
 CASES    ?= 20000
+KILLS    ?= 200
 SEED     ?= 1
 LIMIT    ?= inf
 BIN      ?= bin
@@ -40,6 +41,9 @@ export PKG_CONFIG_PATH := $(CURDIR)/build/pkgconfig:$(PKG_CONFIG_PATH)
 # Where the tests find the programs that they run.
 export CALOR_PROGRAM  = $(abspath $(BIN))/calor
 export CALOR_EXAMPLES = $(abspath $(EXAMPLES))
+
+# Threads of tests and measurements spin as briefly as those of the program: see app/brief_waiting.f90.
+export GOMP_SPINCOUNT ?= 1000
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):[^#]*## \(.*\)/\1|\2/p' $(MAKEFILE_LIST) | \
@@ -77,6 +81,9 @@ fuzz: build ## feed 20000 damaged scenes and clouds to a build with sanitizers (
 	@$(MAKE) --no-print-directory build FLAGS='$(CHECKED_FLAGS)' BIN=build/checked/bin
 	@tools/fuzz.py build/checked/bin/calor $(BIN)/calor --count $(CASES) --seed $(SEED) \
 	  --seconds $(LIMIT)
+
+kill-runs: build ## kill runs 200 times, resume them, compare what they leave (minutes); KILLS=
+	@tools/kill_runs.py $(BIN)/calor --count $(KILLS) --seed $(SEED)
 
 lint: ## check the sources (fortitude's rules, the format), the documents' spelling and links
 	@tools/set_up.sh lint

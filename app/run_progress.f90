@@ -52,14 +52,17 @@ contains
     if (this%verbose) call say('')
   end subroutine finish
 
-  subroutine at_step(this, time, steps, accumulated_error)
+  subroutine at_step(this, time, steps, accumulated_error, pause)
     class(run_progress_t), intent(inout) :: this
     real(wp), intent(in) :: time
     integer, intent(in) :: steps
     real(wp), intent(in) :: accumulated_error
+    logical, intent(inout) :: pause
     integer(int64) :: now, rate
     logical :: said
 
+    associate (unused => pause)
+    end associate
     if (this%quiet) return
     call system_clock(now, rate)
     if (real(now - this%shown, wp)/rate < merge(in_place_seconds, log_seconds, &

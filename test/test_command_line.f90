@@ -14,7 +14,7 @@ module test_command_line
   implicit none (type, external)
   private
 
-  public :: collect_command_line
+  public :: collect_command_line, zero_wall_times
 
   character(len=*), parameter :: folder = 'build/test/command_line/'
 
@@ -64,7 +64,6 @@ contains
                 new_unittest('scenes that are none', test_no_scenes), &
                 new_unittest('wrong groups and keys', test_wrong_keys), &
                 new_unittest('wrong values', test_wrong_values), &
-                new_unittest('what comes later is refused by name', test_later), &
                 new_unittest('wrong expressions', test_wrong_expressions), &
                 new_unittest('wrong clouds', test_wrong_clouds), &
                 new_unittest('wrong places for the output', test_wrong_outputs), &
@@ -415,15 +414,12 @@ contains
         case_t('&output file = ''out.vtkhdf'' every = 0 /', 2, 'line 9: &output every'), &
         case_t('&output file = ''out.vtkhdf'' every = 1e-300 /', 2, 'line 9: &output|every'), &
         case_t('&output file = ''out.vtkhdf'' fields = ''heat'' /', 2, 'line 9: &output fields'), &
-        case_t('&output file = '' '' /', 2, 'line 9: &output file|blank')])
+        case_t('&output file = '' '' /', 2, 'line 9: &output file|blank'), &
+        case_t('&checkpoint every_seconds = -1 /', 2, 'line 11: &checkpoint every_seconds|less'), &
+        case_t('&checkpoint keep = 0 /', 2, 'line 11: &checkpoint keep'), &
+        case_t('&checkpoint file = ''out.vtkhdf'' /', 2, 'line 11: &checkpoint file|output'), &
+        case_t('&checkpoint file = ''none/a.h5'' /', 4, 'line 11: &checkpoint|does not exist')])
   end subroutine test_wrong_values
-
-  subroutine test_later(error)
-    type(error_type), allocatable, intent(out) :: error
-
-    call expect_refusals(error, 'check', [ &
-        case_t('&checkpoint file = ''a.h5'' /', 2, 'line 11: &checkpoint|this version|yet')])
-  end subroutine test_later
 
   subroutine test_wrong_expressions(error)
     type(error_type), allocatable, intent(out) :: error

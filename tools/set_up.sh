@@ -68,6 +68,7 @@ missing_packages() {
   has_command pkg-config || echo pkg-config
   has_command gnuplot || echo gnuplot-nox
   has_hdf5 || echo libhdf5-dev
+  has_command h5diff || echo hdf5-tools
   has_library lapack || echo liblapack-dev
   has_library blas || echo libblas-dev
   has_library muparser || echo libmuparser-dev

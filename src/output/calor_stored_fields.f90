@@ -63,6 +63,8 @@ module calor_stored_fields
     procedure :: has
     !> A number noted beside the fields
     procedure :: number
+    !> A text noted there, '' where there is none
+    procedure :: note
     !> Let go of the file
     procedure :: close => close_stored
     procedure, private :: learn, read_rows, fail
@@ -272,6 +274,15 @@ contains
       end select
     end do
   end function accounts
+
+  function note(this, name) result(text)
+    class(stored_fields_t), intent(in) :: this
+    !> Its name, as in 'scene'
+    character(len=*), intent(in) :: name
+    character(len=:), allocatable :: text
+
+    text = text_of(this%file_id, name)
+  end function note
 
   !> Empty where there is none of that name that a run can have written.
   function series(this, name) result(numbers)
