@@ -87,14 +87,14 @@ kill-runs: build ## kill runs 200 times, resume them, compare what they leave (m
 
 lint: ## check the sources (fortitude's rules, the format), the documents' spelling and links
 	@tools/set_up.sh lint
-	@.venv/bin/fortitude check --quiet $(wildcard src app test example)
-	@tools/format.sh --check $(wildcard src app test example)
+	@.venv/bin/fortitude check --quiet $(wildcard src app test example example-project/app)
+	@tools/format.sh --check $(wildcard src app test example example-project/app)
 	@.venv/bin/codespell --ignore-words tools/words.txt $(DOCUMENTS)
 	@tools/check_links.py $(DOCUMENTS)
 
 format: ## indent the sources as `make lint` wants them
 	@tools/set_up.sh lint
-	@tools/format.sh $(wildcard src app test example)
+	@tools/format.sh $(wildcard src app test example example-project/app)
 
 pictures: examples ## draw the pictures of the documentation anew
 	@tools/pictures.sh $(EXAMPLES) docs/pictures
