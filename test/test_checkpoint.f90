@@ -517,7 +517,7 @@ contains
 
     call start_over()
     call write_text(folder//'s.nml', square//warm//held// &
-                    '&time end = 1e9 method = ''forward_euler'' /'//lf// &
+                    '&time end = 1e6 method = ''forward_euler'' /'//lf// &
                     '&output file = ''o.vtkhdf'' /'//lf)
     ! By the time that it takes a signal, the file has been begun.
     call run_command('cd '//folder//'; '//program_path()//' run --quiet s.nml & '// &
