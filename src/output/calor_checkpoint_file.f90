@@ -123,12 +123,11 @@ contains
     end if
     write (unit, iostat=status, iomsg=message) bytes
     if (status == 0) flush (unit, iostat=status, iomsg=message)
-    if (status /= 0) then
+    if (status == 0) then
+      call synchronise(unit, reason)
+    else
       reason = short(message)
-      close (unit, iostat=status)
-      return
     end if
-    call synchronise(unit, reason)
     close (unit, iostat=status, iomsg=message)
     if (status /= 0 .and. reason == '') reason = short(message)
     ! The compiler's library does not tell of every write that failed.
