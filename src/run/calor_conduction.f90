@@ -111,13 +111,19 @@ module calor_conduction
     !> Lay out the Laplacian's rows for speed: to be called when they are complete, and again after
     !> any change
     procedure :: stream_rows
-    procedure, private :: apply_rows
+    !> What conduction makes of temperatures
+    procedure :: apply_rows
     procedure, private :: add_effects
     procedure, private :: find_slope
-    procedure, private :: find_scales
+    !> The range of temperatures given or kept, and the one that a state may leave by little only
+    procedure :: find_scales
+    procedure :: allowed_range
     !> The range where temperatures may come
     procedure :: expected_range
-    procedure, private :: allowed_range
+    !> Where several processes share the particles: widen a range to that of all of them, and let
+    !> an error of one be an error of all
+    procedure :: span
+    procedure :: agree
   end type conduction_t
 
 contains
@@ -171,9 +177,9 @@ contains
     call this%stream%lay_out(this%laplacian, this%unknowns())
   end subroutine stream_rows
 
-  !> What conduction makes of temperatures
   subroutine apply_rows(this, temperature, rate)
-    class(conduction_t), intent(in) :: this
+    class(conduction_t), intent(inout) :: this
+    !> Temperatures, or potentials, of all particles
     real(wp), intent(in) :: temperature(:)
     !> Set at all particles that have a row
     real(wp), intent(inout) :: rate(:)
@@ -700,6 +706,7 @@ contains
   !> none: what is finite passes.
   subroutine allowed_range(this, low, high)
     class(conduction_t), intent(in) :: this
+    !> The range
     real(wp), intent(out) :: low, high
     real(wp) :: lowest, highest
     logical :: kept
@@ -733,6 +740,7 @@ contains
   !> The range of temperatures given or kept, and by how much effects may raise them
   subroutine find_scales(this, low, high, rise)
     class(conduction_t), intent(in) :: this
+    !> The range, and by how much effects may take temperatures beyond it, K
     real(wp), intent(out) :: low, high, rise
     real(wp) :: kept_low, kept_high
     logical :: kept
@@ -778,11 +786,32 @@ contains
         deallocate (given)
       end associate
     end do
+    call this%span(low, high)
     call this%allowed_range(any_low, any_high)
     if (any_low >= low .and. any_high <= high) return
     low = low - rise
     high = high + rise
   end subroutine expected_range
+
+  subroutine span(this, low, high)
+    class(conduction_t), intent(in) :: this
+    !> A range
+    real(wp), intent(inout) :: low, high
+
+    ! One process has all particles.
+    associate (unused => this, also => low, and => high)
+    end associate
+  end subroutine span
+
+  subroutine agree(this, error)
+    class(conduction_t), intent(in) :: this
+    !> An error or none
+    type(error_t), allocatable, intent(inout) :: error
+
+    associate (unused => this)
+      if (allocated(error)) return
+    end associate
+  end subroutine agree
 
   subroutine note_range(this, temperature)
     class(conduction_t), intent(inout) :: this
