@@ -1,5 +1,5 @@
-!> How a cloud is shared out: each rank gets a band of the particles along the Hilbert curve, which is
-!> a compact region, and all bands hold equally many.
+!> How a cloud is shared out: each rank gets a band of the particles along the Hilbert curve, which
+!> is a compact region, and all bands hold equally many.
 !>
 !> The bands one after another are the very order in which one process would keep the particles, so
 !> that the number of a particle does not depend on how many ranks there are.
@@ -102,7 +102,7 @@ contains
       call mpi_allreduce(below, counted, size(below), mpi_integer8, mpi_sum, ranks%comm)
       where (counted < wanted)
         low = (low + high)/2 + 1
-      elsewhere
+      else where
         high = (low + high)/2
       end where
       where (low > high) low = high

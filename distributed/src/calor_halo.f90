@@ -1,7 +1,7 @@
 !> The particles of other ranks within reach of one's own.
 !>
-!> A square of the Hilbert curve is one stretch of it. So each rank knows, from the bands' first keys
-!> alone, who has the particles of a square that it wants, and asks only these.
+!> A square of the Hilbert curve is one stretch of it. So each rank knows, from the bands' first
+!> keys alone, who has the particles of a square that it wants, and asks only these.
 module calor_halo
   use calor_cloud, only: cloud_t
   use calor_curve_bands, only: bands_t, first_not_below
@@ -105,7 +105,8 @@ contains
     do pass = 1, 2
       used = 0
       do k = 1, size(square)
-        do rank = bands%owner(ishft(square(k), 2*bits)), bands%owner(ishft(square(k) + 1, 2*bits) - 1)
+        do rank = bands%owner(ishft(square(k), 2*bits)), bands%owner(ishft(square(k) + 1, &
+                                                                           2*bits) - 1)
           if (rank == ranks%rank) cycle
           used = used + 1
           if (pass == 1) cycle

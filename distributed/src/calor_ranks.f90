@@ -1,5 +1,5 @@
-!> The processes that share a run, and how they talk: sums, extremes, exchanges, and errors that all of
-!> them come to know.
+!> The processes that share a run, and how they talk: sums, extremes, exchanges, and errors that all
+!> of them come to know.
 module calor_ranks
   use, intrinsic :: iso_fortran_env, only: int64
   use calor_error, only: error_t, raise

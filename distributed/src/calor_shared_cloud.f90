@@ -20,11 +20,13 @@ module calor_shared_cloud
 
   public :: shared_cloud_t
 
-  !> Rows end to grow at so many neighbours; a rank has more particles than that, if there are as many
+  !> Rows end to grow at so many neighbours; a rank has more particles than that, if there are as
+  !> many
   integer, parameter :: most_neighbours = 400
   !> The reach at first, in support radii: most rows find what they need within that
   real(wp), parameter :: first_reach = 1.5_wp
-  !> Areas need particles within so many spacings, and interfaces of materials so many more than rows
+  !> Areas need particles within so many spacings, and interfaces of materials so many more than
+  !> rows
   real(wp), parameter :: area_reach = 3.0_wp, interface_reach = 6.0_wp
 
   type :: shared_cloud_t

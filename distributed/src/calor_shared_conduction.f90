@@ -1,9 +1,9 @@
 !> Heat conduction on a cloud that several ranks share.
 !>
-!> A rank keeps its own particles and those of others within reach, in the order of the whole. Its rows
-!> are in PETSc's distributed matrix, and a product with that is all that makes its particles know of
-!> the others: all else is the library's own, at the own particles. Entries of vectors at other ranks'
-!> particles mean nothing; they are 0 in rates and in all that is summed up.
+!> A rank keeps its own particles and those of others within reach, in the order of the whole. Its
+!> rows are in PETSc's distributed matrix, and a product with that is all that makes its particles
+!> know of the others: all else is the library's own, at the own particles. Entries of vectors at
+!> other ranks' particles mean nothing; they are 0 in rates and in all that is summed up.
 module calor_shared_conduction
   use calor_conduction, only: conduction_t
   use calor_error, only: error_t
@@ -13,8 +13,8 @@ module calor_shared_conduction
   use calor_random, only: random_uniform
   use calor_ranks, only: ranks_t
   use calor_sums, only: dot
-  use petscmat, only: tmat, tvec, insert_values, mat_final_assembly, petsc_null_integer, &
-                      petsc_null_scalar
+  use petscmat, only: tmat, tvec, add_values, insert_values, mat_copy_values, mat_final_assembly, &
+                      petsc_null_scalar, petsc_null_vec
   implicit none (type)
   private
 
@@ -37,6 +37,8 @@ module calor_shared_conduction
     procedure :: take_part
     !> Put the rows into the matrix
     procedure :: load_rows
+    !> The Jacobian times a factor, plus a multiple of 1, as a matrix
+    procedure :: make_jacobian
     !> Give back what PETSc keeps
     procedure :: unload
     procedure :: apply_rows
@@ -111,7 +113,8 @@ contains
       end do
       ! Every row has its diagonal, for matrices made of this one.
       do k = 1, own
-        if (.not. any_row(k)) call matsetvalues(this%matrix, 1, [first + k - 1], 1, [first + k - 1], &
+        if (.not. any_row(k)) call matsetvalues(this%matrix, 1, [first + k - 1], 1, &
+                                                [first + k - 1], &
                                                 [0.0_wp], insert_values, failed)
       end do
       deallocate (rows%index, rows%weight)
@@ -135,6 +138,45 @@ contains
     end function any_row
 
   end subroutine load_rows
+
+  !> The derivatives are those of the last `linearise`. Rows of prescribed entries are those of 1.
+  subroutine make_jacobian(this, factor, jacobian, shift)
+    class(shared_conduction_t), intent(inout) :: this
+    real(wp), intent(in) :: factor
+    !> To be destroyed by the caller
+    type(tmat), intent(out) :: jacobian
+    !> What is added to the diagonal; 0 without it
+    real(wp), intent(in), optional :: shift
+    type(tvec) :: numbers
+    real(wp), allocatable :: own(:), free(:)
+    integer, allocatable :: held(:)
+    integer :: failed, k, first_row
+
+    associate (first => this%own_first, last => this%own_last)
+      call matduplicate(this%matrix, mat_copy_values, jacobian, failed)
+      allocate (own(last - first + 1), source=1.0_wp)
+      call veccreatempiwitharray(this%ranks%comm%mpi_val, 1, size(own), int(this%particles), own, &
+                                 numbers, failed)
+      if (allocated(this%content)) then
+        own = this%potential_slope(first:last)
+        call matdiagonalscale(jacobian, petsc_null_vec, numbers, failed)
+      end if
+      if (allocated(this%slope)) then
+        own = this%slope(first:last)
+        if (allocated(this%content)) own = own*this%temperature_slope(first:last)
+        call matdiagonalset(jacobian, numbers, add_values, failed)
+      end if
+      call matscale(jacobian, factor, failed)
+      if (present(shift)) call matshift(jacobian, shift, failed)
+      call vecdestroy(numbers, failed)
+      allocate (free(size(this%x)), source=1.0_wp)
+      call this%clear_prescribed(free)
+      first_row = 0
+      if (last >= first) first_row = int(this%number(first)) - 1
+      held = pack([(first_row + k - first, k=first, last)], free(first:last) < 0.5_wp)
+      call matzerorows(jacobian, size(held), held, 1.0_wp, petsc_null_vec, petsc_null_vec, failed)
+    end associate
+  end subroutine make_jacobian
 
   subroutine unload(this)
     class(shared_conduction_t), intent(inout) :: this

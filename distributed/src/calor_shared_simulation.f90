@@ -1,5 +1,5 @@
-!> The heat driver on several ranks: a scene becomes a cloud that they share, the cloud a distributed
-!> operator, and the library's integrators step that in time.
+!> The heat driver on several ranks: a scene becomes a cloud that they share, the cloud a
+!> distributed operator, and the library's integrators step that in time.
 module calor_shared_simulation
   use calor_error, only: error_t, raise, status_bad_input, status_bad_numbers
   use calor_expression, only: expression_t, compile_expression
@@ -13,6 +13,7 @@ module calor_shared_simulation
   use calor_scene_values, only: field_values
   use calor_shared_cloud, only: shared_cloud_t
   use calor_shared_conduction, only: shared_conduction_t
+  use calor_shared_steady_state, only: find_shared_steady_state
   use calor_shared_support, only: refuse_unsupported
   use calor_simulation_file, only: check_target
   use calor_spectral_radius, only: estimate_spectral_radius
@@ -45,6 +46,8 @@ module calor_shared_simulation
     character(len=:), allocatable :: method
     type(method_choice_t), allocatable :: choice
     real(wp) :: stability_limit = 0.0_wp
+    !> Newton steps that the steady temperature took
+    integer :: newton_steps = 0
     !> Time, s, and temperatures of the particles here; those of other ranks mean nothing
     real(wp) :: time = 0.0_wp
     real(wp), allocatable :: temperature(:)
@@ -59,6 +62,10 @@ module calor_shared_simulation
     procedure :: certify
     !> Step to a time
     procedure :: advance_to
+    !> Find the steady temperature
+    procedure :: settle
+    !> How much of each particle is liquid; empty where nothing melts
+    procedure :: liquid_fraction
     !> How many states are written after the first, and the time of one
     procedure :: states_after_start
     procedure :: time_of
@@ -89,7 +96,8 @@ contains
     this%ranks = ranks
     this%scene = scene
     call refuse_unsupported(scene, error)
-    if (.not. allocated(error)) call check_target(scene%output%file, scene%output%place, scene, error)
+    if (.not. allocated(error)) call check_target(scene%output%file, scene%output%place, scene, &
+                                                  error)
     call ranks%agree(error)
     if (allocated(error)) return
     call this%stopwatch%start('cloud')
@@ -97,7 +105,9 @@ contains
     if (allocated(error)) return
     call this%make_evolution(error)
     if (allocated(error)) return
-    if (.not. scene%time%steady) then
+    if (scene%time%steady) then
+      call this%conduction%load_rows()
+    else
       call this%stopwatch%start('step control')
       call this%find_limits(error)
       if (allocated(error)) return
@@ -314,7 +324,8 @@ contains
     inexact = this%ranks%total(int(count(this%rows%repairs%repair >= inexact_stencil), i8))
     if (inexact > 0 .and. .not. this%scene%allow_inexact_rows) then
       call raise(error, status_bad_numbers, to_text(int(inexact))//' particles have neighbours '// &
-                 'that admit no stable row exact for quadratic fields: they lie on one side, in '// &
+                 'that admit no stable row exact for quadratic fields: they lie on one side, '// &
+                 'in '// &
                  'line, or much nearer to it than to each other.'//new_line('a')// &
                  'Move or add particles there, or set &scheme allow_inexact_rows = .true. to '// &
                  'use the best stable row.')
@@ -344,6 +355,37 @@ contains
     end if
     call this%stopwatch%stop()
   end subroutine advance_to
+
+  subroutine settle(this, error)
+    class(shared_simulation_t), intent(inout) :: this
+    !> There is none, or it was not found
+    type(error_t), allocatable, intent(out) :: error
+    real(wp) :: tolerance
+
+    call this%stopwatch%start('steady state')
+    if (allocated(this%conduction%content)) this%conduction%content%steady = .true.
+    tolerance = default_tolerance
+    if (this%scene%time%tolerance > 0) tolerance = this%scene%time%tolerance
+    call find_shared_steady_state(this%conduction, this%scene%time%place, &
+                                  tolerance*this%conduction%temperature_scale(), &
+                                  this%temperature, this%newton_steps, error)
+    if (allocated(this%conduction%content)) this%conduction%content%steady = .false.
+    call this%stopwatch%stop()
+    if (allocated(error)) return
+    if (allocated(this%content)) call this%conduction%find_state(this%temperature, this%content)
+  end subroutine settle
+
+  function liquid_fraction(this) result(fraction)
+    class(shared_simulation_t), intent(in) :: this
+    real(wp), allocatable :: fraction(:)
+
+    if (allocated(this%content)) then
+      allocate (fraction(size(this%content)))
+      call this%conduction%find_liquid_fraction(this%content, fraction)
+    else
+      allocate (fraction(0))
+    end if
+  end function liquid_fraction
 
   pure function states_after_start(this) result(states)
     class(shared_simulation_t), intent(in) :: this

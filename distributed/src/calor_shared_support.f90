@@ -17,7 +17,8 @@ contains
     integer :: k
 
     if (.not. (scene%time%end > 0 .or. scene%time%steady)) then
-      call raise(error, status_bad_input, scene%path//' has no group &time: add &time end = ... '// &
+      call raise(error, status_bad_input, &
+                 scene%path//' has no group &time: add &time end = ... '// &
                  '/, in seconds.')
     else if (scene%motion%in_force) then
       call refuse(scene%motion%place, 'particles that move')
@@ -31,8 +32,6 @@ contains
       call refuse(scene%domain%place, 'arrangement = ''relaxed''')
     else if (scene%laplacian == 'double_gradient') then
       call refuse(scene%path//': &scheme', 'laplacian = ''double_gradient''')
-    else if (scene%time%steady) then
-      call refuse(scene%time%place, 'steady = .true.')
     else if (scene%time%method == 'tr_bdf2') then
       call refuse(scene%time%place, 'method = ''tr_bdf2''')
     end if

@@ -1,5 +1,5 @@
-!> What one of several processes makes of a cloud: a row of items, as the columns of a lattice, shared
-!> out evenly.
+!> What one of several processes makes of a cloud: a row of items, as the columns of a lattice, is
+!> shared out evenly.
 module calor_slice
   implicit none (type, external)
   private

@@ -72,7 +72,9 @@ contains
     allocate (free(evolution%unknowns()), source=1.0_wp)
     call evolution%clear_prescribed(free)
     n = nint(evolution%dot(free, free))
-    if (n > always_dense .or. evolution%is_shared()) call arnoldi(evolution, n, spectral_radius, rightmost)
+    if (n > always_dense .or. evolution%is_shared()) then
+      call arnoldi(evolution, n, spectral_radius, rightmost)
+    end if
     if (n <= largest_dense .and. .not. (rightmost%converged .or. evolution%is_shared())) then
       rightmost = rightmost_t()
       call jacobian_spectrum(evolution, real_parts, imaginary_parts)

@@ -1,0 +1,194 @@
+!> Whatever the number of ranks, the field is that of one process.
+!>
+!> Rows are the same bit for bit, and so are the random vectors of the searches; only sums over all
+!> particles are taken in another order. So steps agree to rounding, and 1e-10 leaves it a factor of
+!> ten thousand.
+module test_agreement
+  use calor_kinds, only: wp
+  use test_runs, only: compare_files, run_ranks, run_serial, write_scene
+  use calor_text, only: to_text
+  use testdrive, only: error_type, new_unittest, test_failed, unittest_type
+  implicit none (type, external)
+  private
+
+  public :: collect_agreement
+
+  real(wp), parameter :: allowed = 1.0e-10_wp
+  integer, parameter :: wide = 100
+
+contains
+
+  subroutine collect_agreement(tests)
+    type(unittest_type), allocatable, intent(out) :: tests(:)
+
+    tests = [new_unittest('plate on a lattice', test_lattice), &
+             new_unittest('plate with jitter', test_jitter), &
+             new_unittest('plate of order 4', test_order_4), &
+             new_unittest('plate, the program choosing', test_auto), &
+             new_unittest('disc with convection', test_disc), &
+             new_unittest('two materials', test_slab), &
+             new_unittest('polygon with radiation and flux', test_polygon), &
+             new_unittest('melting', test_melting), &
+             new_unittest('steady', test_steady)]
+  end subroutine collect_agreement
+
+  !> Run a scene, whose file is named as it, by one process and by ranks.
+  subroutine agree(name, lines, ranks, error, field)
+    character(len=*), intent(in) :: name
+    character(len=*), intent(in) :: lines(:)
+    integer, intent(in) :: ranks(:)
+    type(error_type), allocatable, intent(out) :: error
+    character(len=*), intent(in), optional :: field
+    character(len=:), allocatable :: what
+    integer :: k, status
+
+    what = 'temperature'
+    if (present(field)) what = field
+    call write_scene(name, lines)
+    call run_serial(name, status)
+    if (status /= 0) then
+      call test_failed(error, name//': calor ended with status '//to_text(status))
+      return
+    end if
+    call execute_command_line('mv '//name//'.vtkhdf '//name//'_serial.vtkhdf')
+    do k = 1, size(ranks)
+      call run_ranks(name, ranks(k), status)
+      if (status /= 0) then
+        call test_failed(error, name//': '//to_text(ranks(k))//' ranks ended with status '// &
+                         to_text(status))
+        return
+      end if
+      call compare_files(name//'_serial.vtkhdf', name//'.vtkhdf', what, allowed, error)
+      if (allocated(error)) return
+      call compare_files(name//'_serial.vtkhdf', name//'.vtkhdf', 'volume', 0.0_wp, error)
+      if (allocated(error)) return
+    end do
+  end subroutine agree
+
+  subroutine test_lattice(error)
+    type(error_type), allocatable, intent(out) :: error
+
+    call agree('lattice', [character(len=wide) :: &
+                           '&domain shape=''rectangle'' x_range=0,1 y_range=0,1 spacing=0.04 /', &
+                           '&initial temperature_expression=''sin(pi*x)*sin(pi*y)'' /', &
+                           '&boundary on=''all'' kind=''temperature'' value=0 /', &
+                           '&time end=0.02 method=''rkl2'' /', &
+                           '&output file=''lattice.vtkhdf'' every=0.01 /'], [1, 2, 3, 4, 8], error)
+  end subroutine test_lattice
+
+  subroutine test_jitter(error)
+    type(error_type), allocatable, intent(out) :: error
+
+    call agree('jitter', [character(len=wide) :: &
+                          '&domain shape=''rectangle'' x_range=0,1 y_range=0,1.3 spacing=0.04', &
+                          '  arrangement=''jittered'' jitter=0.2 seed=5 /', &
+                          '&initial temperature_expression=''sin(pi*x)*sin(pi*y)'' /', &
+                          '&boundary on=''all'' kind=''temperature'' value_expression=''x+t'' /', &
+                          '&time end=0.02 method=''rkl2'' /', &
+                          '&output file=''jitter.vtkhdf'' every=0.01 /'], [1, 2, 3, 4, 8], error)
+  end subroutine test_jitter
+
+  subroutine test_order_4(error)
+    type(error_type), allocatable, intent(out) :: error
+
+    call agree('order4', [character(len=wide) :: &
+                          '&scene exact_expression=''sin(pi*x)*sin(pi*y)*exp(-2*pi^2*t)'' /', &
+                          '&domain shape=''rectangle'' x_range=0,1 y_range=0,1 spacing=0.04', &
+                          '  arrangement=''jittered'' jitter=0.2 /', &
+                          '&scheme laplacian=''consistent'' order=4 /', &
+                          '&kernel support=3.1 /', &
+                          '&initial temperature_expression=''sin(pi*x)*sin(pi*y)'' /', &
+                          '&boundary on=''all'' kind=''temperature'' value=0 /', &
+                          '&time end=0.01 method=''rkl2'' /', &
+                          '&output file=''order4.vtkhdf'' fields=''temperature'',''error'' /'], &
+               [1, 2, 3, 4, 8], error, field='error')
+  end subroutine test_order_4
+
+  subroutine test_auto(error)
+    type(error_type), allocatable, intent(out) :: error
+
+    call agree('auto', [character(len=wide) :: &
+                        '&domain shape=''rectangle'' x_range=0,1 y_range=0,1 spacing=0.04 ', &
+                        '  arrangement=''hexagonal'' /', &
+                        '&initial temperature_expression=''sin(pi*x)*sin(pi*y)'' /', &
+                        '&boundary on=''all'' kind=''temperature'' value=0 /', &
+                        '&time end=0.02 /', &
+                        '&output file=''auto.vtkhdf'' /'], [1, 3], error)
+  end subroutine test_auto
+
+  subroutine test_disc(error)
+    type(error_type), allocatable, intent(out) :: error
+
+    call agree('disc', [character(len=wide) :: &
+                        '&domain shape=''disc'' radius=1.0 spacing=0.06', &
+                        '  arrangement=''jittered'' jitter=0.2 /', &
+                        '&initial temperature=1.0 /', &
+                        '&boundary on=''all'' kind=''convection'' coefficient=2.0', &
+                        '  ambient_expression=''sin(t)+x'' /', &
+                        '&source power_expression=''exp(-x^2)'' where_expression=''x>0.5'' /', &
+                        '&time end=0.1 method=''rkl2'' /', &
+                        '&output file=''disc.vtkhdf'' every=0.05 /'], [1, 2, 3, 4, 8], error)
+  end subroutine test_disc
+
+  subroutine test_slab(error)
+    type(error_type), allocatable, intent(out) :: error
+
+    call agree('slab', [character(len=wide) :: &
+                        '&domain shape=''rectangle'' x_range=0,1 y_range=0,0.6 spacing=0.03', &
+                        '  arrangement=''jittered'' jitter=0.2 seed=3 /', &
+                        '&material conductivity=1 /', &
+                        '&material conductivity=10 density=2 where_expression=''x>0.503'' /', &
+                        '&initial temperature_expression=''x'' /', &
+                        '&boundary on=''all'' kind=''insulated'' /', &
+                        '&boundary on=''left'' kind=''temperature'' value=0 /', &
+                        '&boundary on=''right'' kind=''temperature'' value=1 /', &
+                        '&time end=0.01 method=''rkl2'' /', &
+                        '&output file=''slab.vtkhdf'' /'], [1, 2, 3, 4, 8], error)
+  end subroutine test_slab
+
+  subroutine test_polygon(error)
+    type(error_type), allocatable, intent(out) :: error
+
+    call agree('polygon', [character(len=wide) :: &
+                           '&domain shape=''polygon'' vertices=0,0, 2,0, 2,1, 1,1, 1,2, 0,2', &
+                           '  spacing=0.08 /', &
+                           '&material conductivity=20 density=1 heat_capacity=10 /', &
+                           '&initial temperature=500 /', &
+                           '&boundary on=''all'' kind=''radiation'' emissivity=0.8 ambient=300 /', &
+                           '&boundary on=''edge 1'' kind=''flux'' flux=1000 /', &
+                           '&boundary on=''edge 3'' kind=''insulated'' /', &
+                           '&time end=0.05 method=''rkl2'' /', &
+                           '&output file=''polygon.vtkhdf'' /'], [2, 5], error)
+  end subroutine test_polygon
+
+  subroutine test_melting(error)
+    type(error_type), allocatable, intent(out) :: error
+
+    call agree('melting', [character(len=wide) :: &
+                           '&domain shape=''rectangle'' x_range=0,1 y_range=0,0.5 spacing=0.05 /', &
+                           '&material latent_heat=5 solidus=0.4 liquidus=0.6', &
+                           '  conductivity_expression=''1+T/4'' /', &
+                           '&initial temperature=0 /', &
+                           '&boundary on=''all'' kind=''insulated'' /', &
+                           '&boundary on=''left'' kind=''temperature'' value=1 /', &
+                           '&time end=0.1 method=''rkl2'' /', &
+                           '&output file=''melting.vtkhdf''', &
+                           '  fields=''temperature'',''liquid_fraction'' /'], [1, 3], error, &
+               field='liquid_fraction')
+  end subroutine test_melting
+
+  subroutine test_steady(error)
+    type(error_type), allocatable, intent(out) :: error
+
+    call agree('steady', [character(len=wide) :: &
+                          '&domain shape=''annulus'' radius=1.0 inner_radius=0.4 spacing=0.06 /', &
+                          '&initial temperature=1.0 /', &
+                          '&boundary on=''outer'' kind=''convection'' coefficient=2.0', &
+                          '  ambient_expression=''x'' /', &
+                          '&boundary on=''inner'' kind=''temperature'' value=3 /', &
+                          '&source power_expression=''exp(-T)'' /', &
+                          '&time steady=.true. /', &
+                          '&output file=''steady.vtkhdf'' /'], [1, 2, 4], error)
+  end subroutine test_steady
+
+end module test_agreement
