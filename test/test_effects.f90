@@ -9,7 +9,7 @@ module test_effects
   use calor_scene, only: scene_t
   use calor_scene_reader, only: interpret_scene
   use calor_simulation, only: simulation_t
-  use calor_text, only: to_text
+  use calor_text, only: to_text, text_t
   use testdrive, only: new_unittest, unittest_type, error_type, check, test_failed
   implicit none (type, external)
   private
@@ -376,7 +376,34 @@ contains
     call check(error, size(plain%effects_in_force()), 2)
     if (allocated(error)) return
     call check(error, size(full%effects_in_force()), 7)
+    if (allocated(error)) return
+    call run_scene(square(10, 0.0_wp)//'&boundary value = 1 / &time end = 0.01 / '// &
+                   '&material conductivity_expression = ''1+T'' / &material '// &
+                   'conductivity_xx_expression = ''(1+x)*(1+T)'' conductivity_yy_expression = '// &
+                   '''2*(1+x)*(1+T)'' density_expression = ''1+y'' where_expression = '// &
+                   '''x > 0.9'' heat_capacity_expression = ''1+T'' / ', &
+                   full, error)
+    if (allocated(error)) return
+    call check_names(full%effects_in_force(), error)
   end subroutine test_absent
+
+  !> What materials call for is told with the place that calls for it.
+  subroutine check_names(texts, error)
+    type(text_t), intent(in) :: texts(:)
+    type(error_type), allocatable, intent(out) :: error
+    character(len=*), parameter :: wanted(6) = [character(len=60) :: 'conductivity of the '// &
+        'temperature (scene, line 1: &material conductivi', 'material in a region (scene, line', &
+        'anisotropic conductivity (scene', 'conductivity of the place (scene, line 1', &
+        'heat capacity of the place (scene', 'heat capacity of the temperature (scene']
+    integer :: k, j
+
+    do k = 1, size(wanted)
+      call check(error, any([(index(texts(j)%value, trim(wanted(k))) == 1, j=1, size(texts))]), &
+                 trim(wanted(k)))
+      if (allocated(error)) return
+    end do
+    call check(error, size(texts), 9)
+  end subroutine check_names
 
   subroutine test_kelvin(error)
     type(error_type), allocatable, intent(out) :: error

@@ -31,6 +31,9 @@ contains
                 new_unittest('particles in rigid motion', test_rigid_motion), &
                 new_unittest('particles that move past each other', test_shear), &
                 new_unittest('steps of the motion', test_motion_steps), &
+                new_unittest('a melting front', test_melting), &
+                new_unittest('a melting body at rest', test_melting_steady), &
+                new_unittest('what an estimate from above cannot do', test_refused), &
                 new_unittest('a field that the scheme gets right', test_exact), &
                 new_unittest('what is written', test_written), &
                 new_unittest('without it nothing is carried along', test_absent) &
@@ -347,6 +350,87 @@ contains
     end function swirl
 
   end subroutine test_motion_steps
+
+  !> The one-phase Stefan problem: the estimate is one from above, but not far.
+  subroutine test_melting(error)
+    type(test_error), allocatable, intent(out) :: error
+    character(len=40), parameter :: arrangements(*) = [character(len=40) :: &
+        '"lattice"', '"jittered" jitter = 0.2', '"jittered" jitter = 0.2 seed = 2', '"relaxed"']
+    !> The true error of the coarser run is twice that of the run or more, and the two may have
+    !> different signs; on relaxed clouds, whose wall layers differ, most (measured: up to 4.4)
+    real(wp), parameter :: most(*) = [3.0_wp, 3.0_wp, 3.0_wp, 5.0_wp]
+    type(simulation_t) :: simulation
+    real(wp) :: effectivity
+    integer :: k
+
+    do k = 1, size(arrangements)
+      call run_scene(stefan(trim(arrangements(k))), simulation, error)
+      if (allocated(error)) return
+      effectivity = simulation%estimated_error()/simulation%relative_l2_error()
+      call check(error, effectivity >= 1 .and. effectivity <= most(k), trim(arrangements(k))// &
+                 ': estimated over true '//to_text(effectivity, digits=3))
+      if (allocated(error)) return
+    end do
+
+  contains
+
+    function stefan(arrangement) result(text)
+      character(len=*), intent(in) :: arrangement
+      character(len=:), allocatable :: text
+
+      text = '&scene exact_expression = "(x<2*0.6200626333*sqrt(t)) ? '// &
+             '1-erf(x/(2*sqrt(t+1e-300)))/erf(0.6200626333) : 0" / '// &
+             '&domain x_range = 0, 1 y_range = 0, 0.2 spacing = 0.02 '// &
+             'arrangement = '//arrangement//' / '// &
+             '&material latent_heat = 1 solidus = 0 liquidus = 0 / &initial temperature = 0 / '// &
+             '&boundary on = "all" kind = "insulated" / '// &
+             '&boundary on = "left" kind = "temperature" value = 1 / '// &
+             '&time end = 0.234083816 / &accuracy estimate = T / '
+    end function stefan
+
+  end subroutine test_melting
+
+  !> In a steady state latent heat plays no part: the error is that of conduction.
+  subroutine test_melting_steady(error)
+    type(test_error), allocatable, intent(out) :: error
+    type(simulation_t) :: simulation
+
+    call run_scene('&scene exact_expression = "exp(x)*sin(y)" / '// &
+                   '&domain x_range = 0, 1 y_range = 0, 1 spacing = 0.05 '// &
+                   'arrangement = "jittered" jitter = 0.2 / '// &
+                   '&material latent_heat = 1 solidus = 0.5 liquidus = 0.6 / '// &
+                   '&initial temperature = 0 / '// &
+                   '&boundary on = "all" value_expression = "exp(x)*sin(y)" / '// &
+                   '&time steady = T / &accuracy estimate = T / ', simulation, error)
+    if (allocated(error)) return
+    call judge(simulation, 3.0_wp, 'steady', error)
+  end subroutine test_melting_steady
+
+  subroutine test_refused(error)
+    type(test_error), allocatable, intent(out) :: error
+
+    call refuse('&accuracy target = 1e-3 /', 'too little to choose by')
+    if (allocated(error)) return
+    call refuse('&accuracy estimate = T / &output file = "a.vtkhdf" fields = "temperature", '// &
+                '"temperature_corrected" /', 'from above only')
+
+  contains
+
+    subroutine refuse(groups, reason)
+      character(len=*), intent(in) :: groups, reason
+      type(scene_t) :: scene
+      type(error_t), allocatable :: failure
+
+      call interpret_scene('&domain x_range = 0, 1 y_range = 0, 1 spacing = 0.1 / '// &
+                           '&material latent_heat = 1 solidus = 0 liquidus = 0 / '// &
+                           '&initial temperature = 0 / &boundary kind = "insulated" / '// &
+                           '&time end = 1 / '//groups, scene, failure)
+      call check(error, allocated(failure), groups//' was taken')
+      if (allocated(error)) return
+      call check(error, index(failure%message, reason) > 0, failure%message)
+    end subroutine refuse
+
+  end subroutine test_refused
 
   !> A quadratic field at rest: no error, and none is estimated.
   subroutine test_exact(error)

@@ -25,10 +25,10 @@ build() {
   mkdir -p "$work/$1/build"
   rm -rf "$work/$1/src" "$work/$1/app"
   cp -r src app fpm.toml "$work/$1"
-  # The tests' dependency is not wanted here.
-  sed -i '/^\[dev-dependencies\]/,$d' "$work/$1/fpm.toml"
+  # Neither the tests' dependency nor the benchmark is wanted here.
+  sed -i -e '/^\[dev-dependencies\]/,$d' -e '/^\[\[example\]\]/,/^$/d' "$work/$1/fpm.toml"
   if [[ $1 == without ]]; then
-    rm "$work/$1"/src/effects/calor_effect_*.f90 "$work/$1"/src/effects/calor_wall_exchange.f90
+    rm "$work/$1"/src/effects/calor_{effect_*,wall_exchange,ambient_exchange}.f90
     # From the table: the lines of effects, continued ones with what follows them
     sed -i -e '/use calor_effect_/d' -e '/call enter(table,/{:a;/&$/{N;ba};d}' \
       "$work/$1/src/effects/calor_effects.f90"

@@ -14,6 +14,8 @@ program main
   use mpi_f08, only: mpi_comm_world
   use petscsys, only: petscinitialize, petscfinalize
   use shared_progress, only: shared_progress_t
+  ! PETSc's procedures have no interfaces of their own.
+  ! allow(C003)
   implicit none (type)
 
   interface

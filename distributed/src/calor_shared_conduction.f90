@@ -15,6 +15,8 @@ module calor_shared_conduction
   use calor_sums, only: dot
   use petscmat, only: tmat, tvec, add_values, insert_values, mat_copy_values, mat_final_assembly, &
                       petsc_null_scalar, petsc_null_vec
+  ! PETSc's procedures have no interfaces of their own.
+  ! allow(C003)
   implicit none (type)
   private
 

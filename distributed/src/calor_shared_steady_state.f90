@@ -8,6 +8,8 @@ module calor_shared_steady_state
   use calor_shared_conduction, only: shared_conduction_t
   use calor_text, only: to_text
   use petscksp, only: tksp, tpc, tmat, tvec, petsc_null_scalar
+  ! PETSc's procedures have no interfaces of their own.
+  ! allow(C003)
   implicit none (type)
   private
 

@@ -1,14 +1,12 @@
 !> Heat radiated to large surroundings and received from them: q = ε σ (T_ambient⁴ - T⁴), in kelvin.
 module calor_effect_radiation
+  use calor_ambient_exchange, only: ambient_exchange_t
   use calor_error, only: error_t, raise, status_bad_input
   use calor_kinds, only: wp
   use calor_medium, only: medium_t
-  use calor_places, only: places_t
   use calor_scene_file, only: group_t
   use calor_scene_getters, only: place_of
   use calor_text, only: to_text
-  use calor_varying_value, only: varying_value_t
-  use calor_wall_exchange, only: wall_exchange_t, refuse_other_keys
   implicit none (type, external)
   private
 
@@ -20,22 +18,15 @@ module calor_effect_radiation
   !> No surroundings are hotter, K: fourth powers must remain numbers
   real(wp), parameter :: hottest = 1.0e12_wp
 
-  type, extends(wall_exchange_t) :: radiation_t
-    !> ε, from 0 to 1
-    type(varying_value_t) :: emissivity
-    !> Temperature of the surroundings, K, and the lowest and highest of it so far
-    type(varying_value_t) :: ambient
-    real(wp), private :: lowest = huge(1.0_wp), highest = -huge(1.0_wp)
+  !> The factor is the emissivity ε, from 0 to 1; the temperature of the surroundings is in K
+  type, extends(ambient_exchange_t) :: radiation_t
     !> Where the scene says so
     character(len=:), allocatable, private :: place
   contains
     procedure :: read_kind
     procedure :: prepare_kind
     procedure :: find_flux
-    procedure :: follow_kind
-    procedure :: has_slope
     procedure :: find_flux_slope
-    procedure :: kept_range
   end type radiation_t
 
 contains
@@ -45,11 +36,7 @@ contains
     type(group_t), intent(in) :: group
     type(error_t), allocatable, intent(out) :: error
 
-    call refuse_other_keys(group, [character(len=11) :: 'emissivity', 'ambient'], error)
-    if (allocated(error)) return
-    call this%emissivity%read(group, 'emissivity', error)
-    if (allocated(error)) return
-    call this%ambient%read(group, 'ambient', error)
+    call this%read_values(group, 'emissivity', error)
     this%place = place_of(group, 'kind')
   end subroutine read_kind
 
@@ -59,11 +46,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     integer :: k
 
-    call this%emissivity%place_at(this%x, this%y, 0.0_wp, error, this%temperature, lowest=0.0_wp, &
-                                  highest=1.0_wp, in_motion=medium%in_motion)
-    if (allocated(error)) return
-    call this%ambient%place_at(this%x, this%y, 0.0_wp, error, this%temperature, lowest=0.0_wp, &
-                               highest=hottest, in_motion=medium%in_motion)
+    call this%place_values(medium, error, highest_factor=1.0_wp, coldest=0.0_wp, hottest=hottest)
     if (allocated(error)) return
     do k = 1, size(this%temperature)
       if (this%temperature(k) >= 0 .and. this%temperature(k) <= hottest) cycle
@@ -74,42 +57,17 @@ contains
                  '): give all temperatures of the scene in kelvin.')
       return
     end do
-    this%lowest = minval(this%ambient%value)
-    this%highest = maxval(this%ambient%value)
-    this%bytes = this%bytes + this%emissivity%bytes() + this%ambient%bytes()
   end subroutine prepare_kind
-
-  subroutine follow_kind(this, places)
-    class(radiation_t), intent(inout) :: this
-    type(places_t), intent(in) :: places
-
-    call this%emissivity%follow(places)
-    call this%ambient%follow(places)
-  end subroutine follow_kind
 
   !> Below absolute zero, where only the error of a step can lead, nothing is radiated.
   subroutine find_flux(this, time)
     class(radiation_t), intent(inout) :: this
     real(wp), intent(in) :: time
 
-    call this%emissivity%update(time, this%temperature)
-    call this%ambient%update(time, this%temperature)
-    if (this%ambient%moves) then
-      this%lowest = min(this%lowest, minval(this%ambient%value))
-      this%highest = max(this%highest, maxval(this%ambient%value))
-    end if
-    this%flux = this%emissivity%value*stefan_boltzmann* &
+    call this%update_values(time)
+    this%flux = this%factor%value*stefan_boltzmann* &
                 (this%ambient%value**4 - max(this%temperature, 0.0_wp)**4)
   end subroutine find_flux
-
-  pure function has_slope(this) result(answer)
-    class(radiation_t), intent(in) :: this
-    logical :: answer
-
-    associate (unused => this)
-    end associate
-    answer = .true.
-  end function has_slope
 
   subroutine find_flux_slope(this, time, slope)
     class(radiation_t), intent(inout) :: this
@@ -119,22 +77,12 @@ contains
 
     call this%find_flux(time)
     allocate (change(size(slope)))
-    call this%emissivity%derivative(time, this%temperature, slope)
+    call this%factor%derivative(time, this%temperature, slope)
     call this%ambient%derivative(time, this%temperature, change)
     associate (u => max(this%temperature, 0.0_wp), ambient => this%ambient%value)
       slope = stefan_boltzmann*(slope*(ambient**4 - u**4) + &
-                                4*this%emissivity%value*(ambient**3*change - u**3))
+                                4*this%factor%value*(ambient**3*change - u**3))
     end associate
   end subroutine find_flux_slope
-
-  subroutine kept_range(this, kept, lowest, highest)
-    class(radiation_t), intent(in) :: this
-    logical, intent(out) :: kept
-    real(wp), intent(out) :: lowest, highest
-
-    kept = .not. (this%emissivity%reacts .or. this%ambient%reacts)
-    lowest = this%lowest
-    highest = this%highest
-  end subroutine kept_range
 
 end module calor_effect_radiation

@@ -16,6 +16,9 @@ module calor_heat_content
     !> The laws, and which of them holds at each particle; not allocated where there is one law
     type(heat_law_t), allocatable :: law(:)
     integer, allocatable :: law_of(:)
+    !> Latent heat over heat capacity at each particle, K, where that depends on the place; not
+    !> allocated: it is that of the law
+    real(wp), allocatable :: rise(:)
     !> Whether the unknown is the temperature all the same, as in a steady state
     logical :: steady = .false.
   contains
@@ -34,6 +37,7 @@ module calor_heat_content
     !> Whether any conductivity depends on the temperature
     procedure :: conducts
     procedure, private :: number_of
+    procedure, private :: by_law
     procedure, private :: reach
   end type heat_content_t
 
@@ -59,6 +63,20 @@ contains
     if (allocated(this%law_of)) number = this%law_of(particle)
   end function number_of
 
+  !> The state of a particle were latent heat over heat capacity that of the law
+  pure function by_law(this, particle, state) result(content)
+    class(heat_content_t), intent(in) :: this
+    integer, intent(in) :: particle
+    real(wp), intent(in) :: state
+    real(wp) :: content
+
+    content = state
+    if (.not. allocated(this%rise)) return
+    associate (law => this%law(this%number_of(particle)))
+      content = law%rescaled(state, this%rise(particle), law%rise)
+    end associate
+  end function by_law
+
   pure function conducts(this) result(answer)
     class(heat_content_t), intent(in) :: this
     logical :: answer
@@ -81,7 +99,8 @@ contains
         temperature(k) = state(k)
         potential(k) = this%law(this%number_of(k))%potential(state(k))
       else
-        call this%law(this%number_of(k))%evaluate(state(k), temperature(k), potential(k))
+        call this%law(this%number_of(k))%evaluate(this%by_law(k, state(k)), temperature(k), &
+                                                  potential(k))
       end if
     end do
     !$omp end parallel do
@@ -91,7 +110,7 @@ contains
   subroutine reach(this, state)
     class(heat_content_t), intent(inout) :: this
     real(wp), intent(in) :: state(:)
-    real(wp) :: lowest(size(this%law)), highest(size(this%law))
+    real(wp) :: lowest(size(this%law)), highest(size(this%law)), content
     integer :: k, n
 
     if (.not. any(this%law%stores .or. this%law%conducts)) return
@@ -100,8 +119,10 @@ contains
     do k = 1, size(state)
       if (.not. ieee_is_finite(state(k))) cycle
       n = this%number_of(k)
-      lowest(n) = min(lowest(n), state(k))
-      highest(n) = max(highest(n), state(k))
+      content = state(k)
+      if (.not. this%steady) content = this%by_law(k, content)
+      lowest(n) = min(lowest(n), content)
+      highest(n) = max(highest(n), content)
     end do
     do n = 1, size(this%law)
       if (.not. lowest(n) <= highest(n)) cycle
@@ -129,7 +150,12 @@ contains
           temperature_slope(k) = 1
           potential_slope(k) = law%conductivity_factor(state(k))
         else
-          call law%slopes(state(k), temperature_slope(k), potential_slope(k))
+          call law%slopes(this%by_law(k, state(k)), temperature_slope(k), potential_slope(k))
+          if (.not. allocated(this%rise)) cycle
+          associate (slope => law%rescaled_slope(state(k), this%rise(k), law%rise))
+            temperature_slope(k) = slope*temperature_slope(k)
+            potential_slope(k) = slope*potential_slope(k)
+          end associate
         end if
       end associate
     end do
@@ -166,7 +192,11 @@ contains
     state = temperature
     if (this%steady) return
     do k = 1, size(particle)
-      state(k) = this%law(this%number_of(particle(k)))%content(temperature(k))
+      associate (law => this%law(this%number_of(particle(k))))
+        state(k) = law%content(temperature(k))
+        if (.not. allocated(this%rise)) cycle
+        state(k) = law%rescaled(state(k), law%rise, this%rise(particle(k)))
+      end associate
     end do
   end subroutine find_state
 
@@ -179,7 +209,7 @@ contains
     integer :: k
 
     do k = 1, size(state)
-      fraction(k) = this%law(this%number_of(k))%liquid_fraction(state(k))
+      fraction(k) = this%law(this%number_of(k))%liquid_fraction(this%by_law(k, state(k)))
     end do
   end subroutine find_liquid_fraction
 

@@ -69,6 +69,9 @@ module calor_heat_law
     procedure :: conductivity_factor
     !> How much is liquid
     procedure :: liquid_fraction
+    !> Heat contents where latent heat over heat capacity is another one
+    procedure :: rescaled
+    procedure :: rescaled_slope
     !> The largest dT/dv and dθ/dv at temperatures of a range
     procedure :: largest_slopes
     !> f and g at a temperature
@@ -460,6 +463,36 @@ contains
       s = this%first + this%step*(low - 1 + t)
     end if
   end function sensible
+
+  !> The heat content with as much sensible heat, and as much that is liquid, where latent heat is
+  !> worth another rise
+  elemental function rescaled(this, content, from, to)
+    class(heat_law_t), intent(in) :: this
+    !> A heat content, what latent heat over heat capacity is for it, and what for the result, K
+    real(wp), intent(in) :: content, from, to
+    real(wp) :: rescaled
+
+    rescaled = content
+    if (.not. this%melts .or. .not. ieee_is_finite(content)) return
+    if (content <= this%begins) return
+    if (content >= this%ends + from) then
+      rescaled = content + (to - from)
+    else
+      rescaled = this%begins + this%rescaled_slope(content, from, to)*(content - this%begins)
+    end if
+  end function rescaled
+
+  !> Its derivative
+  elemental function rescaled_slope(this, content, from, to) result(slope)
+    class(heat_law_t), intent(in) :: this
+    real(wp), intent(in) :: content, from, to
+    real(wp) :: slope
+
+    slope = 1
+    if (.not. this%melts .or. .not. ieee_is_finite(content)) return
+    if (content <= this%begins .or. content >= this%ends + from) return
+    slope = (this%ends + to - this%begins)/(this%ends + from - this%begins)
+  end function rescaled_slope
 
   elemental function liquid_fraction(this, content) result(fraction)
     class(heat_law_t), intent(in) :: this

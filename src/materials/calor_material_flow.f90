@@ -24,6 +24,7 @@ module calor_material_flow
   use calor_kinds, only: wp, ip
   use calor_materials, only: materials_t
   use calor_neighbour_list, only: neighbour_list_t, build_neighbour_list
+  use calor_potential_jumps, only: contact_t
   use calor_taylor_weights, only: monomials, monomial_position
   implicit none (type, external)
   private
@@ -81,6 +82,8 @@ module calor_material_flow
     procedure :: describe
     !> Whether two materials have an interface
     procedure :: touch
+    !> The interface with one of them as a particle sees it
+    procedure :: contact_at
     procedure, private :: see_interface
     procedure, private :: fill_sides
   end type material_flow_t
@@ -145,6 +148,37 @@ contains
     answer = any((this%side(:, 1) == one .and. this%side(:, 2) == other) .or. &
                  (this%side(:, 1) == other .and. this%side(:, 2) == one))
   end function touch
+
+  subroutine contact_at(this, materials, x, y, spacing, particle, other, contact)
+    class(material_flow_t), intent(in) :: this
+    !> The materials, isotropic both
+    type(materials_t), intent(in) :: materials
+    !> Coordinates of all particles, and their spacing, m
+    real(wp), intent(in) :: x(:), y(:)
+    real(wp), intent(in) :: spacing
+    !> The particle, and the material beyond
+    integer(ip), intent(in) :: particle
+    integer, intent(in) :: other
+    !> The interface
+    type(contact_t), intent(out) :: contact
+    type(crossing_t) :: seen
+    real(wp) :: value(3, 1)
+    logical :: there
+    integer :: k
+
+    call this%see_interface(other, x, y, spacing, particle, seen, there)
+    contact%own = this%material(particle)
+    contact%other = other
+    contact%normal = seen%normal
+    contact%depth = dot_product(seen%foot, seen%normal)
+    do k = 1, 2
+      associate (which => merge(contact%own, other, k == 1))
+        call materials%conductivity_at(which, [x(particle) + seen%foot(1)], &
+                                       [y(particle) + seen%foot(2)], value)
+      end associate
+      contact%conductivity(k) = value(1, 1)
+    end do
+  end subroutine contact_at
 
   subroutine focus(this, materials, x, y, spacing, particles)
     class(material_flow_t), intent(inout) :: this

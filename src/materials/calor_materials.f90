@@ -3,14 +3,15 @@
 !>
 !> Where regions overlap, the later group wins. A conductivity is a tensor [κxx κxy; κxy κyy]. What
 !> depends on the place and on the temperature is a product of a function of either: properties at
-!> places are those at a reference temperature, and how they change with it is a calor_heat_law.
+!> places are those at a reference temperature, and how they change with it is a calor_heat_law. An
+!> isotropic conductivity need not be such a product: see calor_local_conductivity.
 module calor_materials
   use calor_error, only: error_t, raise, status_bad_input
   use calor_expression, only: expression_t, compile_expression
   use calor_kinds, only: wp
   use calor_scene_file, only: scene_file_t, group_t
   use calor_scene_getters, only: get_expression, get_varying, place_of, raise_at
-  use calor_text, only: text_t, to_text
+  use calor_text, only: text_t, to_text, append
   implicit none (type, external)
   private
 
@@ -36,8 +37,14 @@ module calor_materials
     logical :: graded = .false.
     !> Whether the conductivity, and whether density or heat capacity depend on the temperature
     logical :: conducts_by_temperature = .false., stores_by_temperature = .false.
+    !> Whether density or heat capacity depend on x or y
+    logical :: stores_by_place = .false.
+    !> Whether the conductivity is a product of a function of the place and one of the temperature
+    logical :: is_product = .true.
     !> Where the scene has the conductivity, the density and the heat capacity
     character(len=:), allocatable :: place, density_place, capacity_place
+    !> Where it says where it is; empty where it is everywhere
+    character(len=:), allocatable :: region_place
   end type material_t
 
   !> All materials of a scene
@@ -57,6 +64,8 @@ module calor_materials
     procedure :: fill
     !> Check that they are positive, and products, at all temperatures of a range
     procedure :: check_range
+    !> What of them is more than one constant isotropic material, and where the scene says so
+    procedure :: in_force
     procedure, private :: evaluate
   end type materials_t
 
@@ -141,22 +150,26 @@ contains
       end do
     end if
     call read_value(group, 'density', material%density, material%density_place, error, 1.0_wp, &
-                    warms=material%stores_by_temperature)
+                    warms=material%stores_by_temperature, varies=material%stores_by_place)
     if (allocated(error)) return
     call read_value(group, 'heat_capacity', material%heat_capacity, material%capacity_place, &
-                    error, 1.0_wp, warms=material%stores_by_temperature)
+                    error, 1.0_wp, warms=material%stores_by_temperature, &
+                    varies=material%stores_by_place)
     if (allocated(error)) return
     material%everywhere = .not. group%has('where_expression')
+    material%region_place = ''
     if (material%everywhere) return
     call get_expression(group, 'where_expression', region, error)
     if (allocated(error)) return
     material%region%value = region%source()
+    material%region_place = place_of(group, 'where_expression')
     if (.not. (region%uses('t') .or. region%uses('T'))) return
     call raise_at(error, group, 'where_expression', 'it may depend on x and y only.')
   end subroutine read_one
 
   !> Read a property; of a conductivity, note what it depends on.
-  subroutine read_value(group, key, text, place, error, default, material, warms)
+  subroutine read_value(group, key, text, place, error, default, material, warms, &
+                        varies)
     type(group_t), intent(in) :: group
     !> The key without `_expression`
     character(len=*), intent(in) :: key
@@ -170,6 +183,8 @@ contains
     type(material_t), intent(inout), optional :: material
     !> Becomes true where it depends on the temperature
     logical, intent(inout), optional :: warms
+    !> Becomes true where it depends on the place
+    logical, intent(inout), optional :: varies
     type(expression_t) :: expression
 
     call get_varying(group, key, expression, error, default)
@@ -184,10 +199,41 @@ contains
       return
     end if
     if (present(warms)) warms = warms .or. expression%uses('T')
+    if (present(varies)) varies = varies .or. expression%uses('x') .or. expression%uses('y')
     if (.not. present(material)) return
     if (expression%uses('x') .or. expression%uses('y')) material%graded = .true.
     if (expression%uses('T')) material%conducts_by_temperature = .true.
   end subroutine read_value
+
+  function in_force(this) result(texts)
+    class(materials_t), intent(in) :: this
+    !> A text for each such thing
+    type(text_t), allocatable :: texts(:)
+    integer :: k
+
+    allocate (texts(0))
+    if (.not. allocated(this%list)) return
+    do k = 1, size(this%list)
+      associate (one => this%list(k))
+        if (.not. one%everywhere) then
+          call append(texts, 'material in a region ('//one%region_place//')')
+        end if
+        if (.not. one%isotropic) call append(texts, 'anisotropic conductivity ('//one%place//')')
+        if (one%graded) call append(texts, 'conductivity of the place ('//one%place//')')
+        if (one%conducts_by_temperature) then
+          call append(texts, 'conductivity of the temperature ('//one%place//')')
+        end if
+        if (one%stores_by_place) then
+          call append(texts, 'heat capacity of the place ('//one%density_place//', '// &
+                      one%capacity_place//')')
+        end if
+        if (one%stores_by_temperature) then
+          call append(texts, 'heat capacity of the temperature ('//one%density_place//', '// &
+                      one%capacity_place//')')
+        end if
+      end associate
+    end do
+  end function in_force
 
   subroutine which(this, x, y, material)
     class(materials_t), intent(in) :: this
@@ -353,9 +399,10 @@ contains
   end subroutine fill
 
   !> Where a property depends on the temperature, it has to be positive at all that may occur, and
-  !> the product of a function of the place and one of the temperature.
+  !> the product of a function of the place and one of the temperature, unless it is the
+  !> conductivity of an isotropic material.
   subroutine check_range(this, x, y, material, lowest, highest, error)
-    class(materials_t), intent(in) :: this
+    class(materials_t), intent(inout) :: this
     !> Coordinates of the particles, m, and the material of each
     real(wp), intent(in) :: x(:), y(:)
     integer, intent(in) :: material(:)
@@ -372,7 +419,11 @@ contains
       if (size(member) == 0) cycle
       associate (one => this%list(k))
         if (one%conducts_by_temperature) then
-          call check_product(one%conductivity(:merge(1, 3, one%isotropic)), one%place)
+          if (one%isotropic) then
+            call check_product([one%conductivity(1)], one%place, one%is_product)
+          else
+            call check_product(one%conductivity, one%place)
+          end if
           if (allocated(error)) return
         end if
         if (one%stores_by_temperature) then
@@ -387,13 +438,15 @@ contains
   contains
 
     !> Whether all expressions are f(T) times what they are at the reference temperature, f > 0.
-    subroutine check_product(texts, place)
+    !> Where the answer is not asked for it must be yes.
+    subroutine check_product(texts, place, is_product)
       type(text_t), intent(in) :: texts(:)
       character(len=*), intent(in) :: place
+      logical, intent(inout), optional :: is_product
       type(materials_t) :: warm
       real(wp) :: cold_value(size(member)), value(size(member)), factor
       real(wp), parameter :: rounding = 1.0e-9_wp
-      integer :: component, step
+      integer :: component, step, worst
 
       do step = 0, temperatures - 1
         warm%reference = lowest + (highest - lowest)*step/(temperatures - 1)
@@ -402,15 +455,20 @@ contains
           call warm%evaluate(texts(component), x(member), y(member), value)
           if (component == 1) then
             factor = value(1)/cold_value(1)
-            if (.not. (factor > 0 .and. factor <= huge(factor) .and. &
-                       value(1)*cold_value(1) > 0)) then
+            worst = findloc(value*cold_value > 0 .and. value/cold_value <= huge(factor), .false., &
+                            dim=1)
+            if (worst > 0) then
               call raise(error, status_bad_input, place//': it must be greater than 0 wherever '// &
-                         'the temperature may come, not '//to_text(value(1), digits=6)// &
+                         'the temperature may come, not '//to_text(value(worst), digits=6)// &
                          ' as at T = '//to_text(warm%reference, digits=6)//'.')
               return
             end if
           end if
           if (all(abs(value - factor*cold_value) <= rounding*abs(factor*cold_value))) cycle
+          if (present(is_product)) then
+            is_product = .false.
+            cycle
+          end if
           call raise(error, status_bad_input, place//': how it depends on T must be the same '// &
                      'everywhere in the material, and for all components of a tensor: write it '// &
                      'as a function of x and y times a function of T, or give several groups '// &

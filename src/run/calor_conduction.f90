@@ -13,8 +13,10 @@ module calor_conduction
   use calor_expression, only: expression_t
   use calor_heat_content, only: heat_content_t
   use calor_kinds, only: wp
+  use calor_local_conductivity, only: local_conductivity_t, half_of_products
   use calor_medium, only: medium_t
   use calor_places, only: places_t
+  use calor_potential_jumps, only: potential_jumps_t
   use calor_prescribed, only: prescribed_t
   use calor_sparse_operator, only: sparse_operator_t
   use calor_streamed_rows, only: streamed_rows_t
@@ -57,6 +59,11 @@ module calor_conduction
     real(wp), allocatable :: slope(:)
     !> What the heat content is; not allocated: the state is the temperature
     type(heat_content_t), allocatable :: content
+    !> What rows lack at interfaces where potentials jump, and the same for `held_rows`; not
+    !> allocated where there are none
+    type(potential_jumps_t), allocatable :: jumps, held_jumps
+    !> Conductivities that are no products; not allocated where there are none
+    type(local_conductivity_t), allocatable :: local
     !> Temperatures and potentials of the last state; allocated where that is a heat content
     real(wp), allocatable :: temperature(:), potential(:)
     !> Derivatives of temperature and potential with respect to the state at the last `linearise`,
@@ -105,14 +112,18 @@ module calor_conduction
     procedure :: add_held_rates
     !> The temperatures of a state, the state of temperatures, and how much is liquid
     procedure :: find_temperature
-    procedure :: find_potential
     procedure :: find_state
     procedure :: find_liquid_fraction
     !> Lay out the Laplacian's rows for speed: to be called when they are complete, and again after
     !> any change
     procedure :: stream_rows
+    !> What rows at held particles make of a state
+    procedure :: apply_held_rows
     !> What conduction makes of temperatures
     procedure :: apply_rows
+    procedure, private :: conduct
+    procedure, private :: conduct_change
+    procedure, private :: linearise_conduction
     procedure, private :: add_effects
     procedure, private :: find_slope
     !> The range of temperatures given or kept, and the one that a state may leave by little only
@@ -143,7 +154,7 @@ contains
 
     if (allocated(this%content)) then
       call this%content%evaluate(u, this%temperature, this%potential)
-      call this%apply_rows(this%potential, du)
+      call this%conduct(du)
       if (allocated(this%effects)) call this%add_effects(time, this%temperature, du)
     else
       call this%apply_rows(u, du)
@@ -160,9 +171,7 @@ contains
     real(wp), intent(out) :: product(:)
 
     if (allocated(this%content)) then
-      ! No state is at work: its arrays serve.
-      this%potential = this%potential_slope*v
-      call this%apply_rows(this%potential, product)
+      call this%conduct_change(v, product)
       if (allocated(this%slope)) product = product + this%slope*this%temperature_slope*v
     else
       call this%apply_rows(v, product)
@@ -190,6 +199,100 @@ contains
       call this%laplacian%apply_at_targets(this%diffusivity, temperature, rate)
     end if
   end subroutine apply_rows
+
+  !> What conduction makes of the present temperatures and potentials
+  subroutine conduct(this, rate)
+    class(conduction_t), intent(inout) :: this
+    !> Set at all particles that have a row
+    real(wp), intent(inout) :: rate(:)
+    real(wp), allocatable :: factor(:), of_level(:), of_factor(:)
+
+    if (allocated(this%local)) then
+      allocate (factor(size(rate)))
+      allocate (of_level(size(rate)), of_factor(size(rate)), source=0.0_wp)
+      call this%local%find_factor(this%temperature, factor)
+      associate (level => this%potential - this%local%reference)
+        call this%apply_rows(level, of_level)
+        call this%apply_rows(factor, of_factor)
+        call this%apply_rows(factor*level, rate)
+        rate = half_of_products(factor, level, rate, of_level, of_factor)
+      end associate
+    else
+      call this%apply_rows(this%potential, rate)
+    end if
+    if (allocated(this%jumps)) call this%jumps%correct(this%temperature, this%potential, rate)
+  end subroutine conduct
+
+  !> How what conduction makes of a state changes with it, by the last `linearise`
+  subroutine conduct_change(this, change, product)
+    class(conduction_t), intent(inout) :: this
+    !> Of the states
+    real(wp), intent(in) :: change(:)
+    !> Set at all particles that have a row
+    real(wp), intent(inout) :: product(:)
+    real(wp), allocatable :: of_level(:), of_factor(:)
+
+    ! No state is at work: its arrays serve.
+    this%potential = this%potential_slope*change
+    if (allocated(this%local)) then
+      allocate (of_level(size(product)), of_factor(size(product)), source=0.0_wp)
+      associate (local => this%local, level => this%potential, &
+                 factor => this%local%factor_slope*this%temperature_slope*change)
+        call this%apply_rows(level, of_level)
+        call this%apply_rows(factor, of_factor)
+        call this%apply_rows(local%factor*level + local%level*factor, product)
+        product = half_of_products(local%factor, local%level, product, of_level, of_factor) + &
+                  0.5_wp*(factor*local%flow - level*local%factor_flow)
+      end associate
+    else
+      call this%apply_rows(this%potential, product)
+    end if
+    if (allocated(this%jumps)) call this%jumps%correct_product(this%potential, product)
+  end subroutine conduct_change
+
+  subroutine linearise_conduction(this, u)
+    class(conduction_t), intent(inout) :: this
+    !> The state
+    real(wp), intent(in) :: u(:)
+
+    call this%content%slopes(u, this%temperature_slope, this%potential_slope)
+    if (.not. (allocated(this%jumps) .or. allocated(this%local))) return
+    call this%content%evaluate(u, this%temperature, this%potential)
+    if (allocated(this%jumps)) call this%jumps%linearise(this%temperature, this%potential)
+    if (.not. allocated(this%local)) return
+    associate (local => this%local)
+      call local%mark(this%temperature)
+      local%level = this%potential - local%reference
+      call this%apply_rows(local%level, local%flow)
+      call this%apply_rows(local%factor, local%factor_flow)
+    end associate
+  end subroutine linearise_conduction
+
+  subroutine apply_held_rows(this, state, result)
+    class(conduction_t), intent(inout) :: this
+    !> State of each particle
+    real(wp), intent(in) :: state(:)
+    !> What each of the rows makes of it
+    real(wp), intent(out) :: result(:)
+    real(wp), allocatable :: temperature(:), potential(:), factor(:), of_level(:), of_factor(:)
+
+    allocate (temperature(size(state)), potential(size(state)))
+    temperature = state
+    potential = state
+    if (allocated(this%content)) call this%content%evaluate(state, temperature, potential)
+    call this%held_rows%apply(potential, result)
+    if (allocated(this%local)) then
+      allocate (factor(size(state)), of_level(size(result)), of_factor(size(result)))
+      call this%local%find_factor(temperature, factor)
+      associate (held => this%held_rows%target, level => potential - this%local%reference)
+        call this%held_rows%apply(level, of_level)
+        call this%held_rows%apply(factor, of_factor)
+        call this%held_rows%apply(factor*level, result)
+        result = half_of_products(factor(held), level(held), result, of_level, of_factor)
+      end associate
+    end if
+    if (allocated(this%held_jumps)) call this%held_jumps%correct(temperature, potential, result)
+  end subroutine apply_held_rows
 
   !> In one sweep where there is nothing but conduction. Prescribed entries have empty rows.
   subroutine combine_with_rate(this, time, c, newer, start, rate_start, older, work)
@@ -302,22 +405,6 @@ contains
     end if
   end subroutine find_temperature
 
-  subroutine find_potential(this, state, potential)
-    class(conduction_t), intent(inout) :: this
-    !> State of each particle
-    real(wp), intent(in) :: state(:)
-    !> What the rows are applied to: Kirchhoff's potential, or the temperature
-    real(wp), intent(out) :: potential(:)
-    real(wp), allocatable :: temperature(:)
-
-    if (allocated(this%content)) then
-      allocate (temperature(size(state)))
-      call this%content%evaluate(state, temperature, potential)
-    else
-      potential = state
-    end if
-  end subroutine find_potential
-
   pure subroutine find_state(this, temperature, state)
     class(conduction_t), intent(in) :: this
     !> Temperature of each particle
@@ -414,9 +501,7 @@ contains
     real(wp), intent(in) :: u(:)
     real(wp), allocatable :: temperature(:)
 
-    if (allocated(this%content)) then
-      call this%content%slopes(u, this%temperature_slope, this%potential_slope)
-    end if
+    if (allocated(this%content)) call this%linearise_conduction(u)
     if (.not. allocated(this%slope)) return
     allocate (temperature(size(u)))
     call this%find_temperature(u, temperature)
@@ -457,6 +542,8 @@ contains
     call this%expected_range(low, high)
     if (allocated(this%content)) then
       call this%content%largest_slopes(low, high, this%temperature_slope, this%potential_slope)
+      if (allocated(this%jumps)) call this%jumps%assume_largest(low, high)
+      if (allocated(this%local)) call this%local%assume_largest(low, high)
     end if
     if (.not. allocated(this%slope)) return
     allocate (found(size(this%slope)))
@@ -481,7 +568,7 @@ contains
     integer, allocatable :: owner(:)
     !> dθ/du, dT/du
     real(wp), allocatable :: free(:), growth(:), bend(:)
-    integer :: n, k, row, used, from, to
+    integer :: n, k, row, used, from, to, own
 
     known = .true.
     n = this%unknowns()
@@ -501,9 +588,9 @@ contains
         first(row) = used + 1
         if (owner(row) == 0 .or. free(row) < 0.5_wp) cycle
         used = used + 1
+        own = used
         index(used) = row
         value(used) = this%diffusivity*laplacian%diagonal(owner(row))*growth(row)
-        if (allocated(this%slope)) value(used) = value(used) + this%slope(row)*bend(row)
         from = int(laplacian%first(owner(row)))
         to = int(laplacian%first(owner(row) + 1)) - 1
         do k = from, to
@@ -511,11 +598,37 @@ contains
           index(used) = laplacian%index(k)
           value(used) = this%diffusivity*laplacian%weight(k)*growth(laplacian%index(k))
         end do
+        if (allocated(this%local)) then
+          call weigh_products(row, laplacian%weight(from:to), index(own:used), value(own:used))
+        end if
+        if (allocated(this%slope)) value(own) = value(own) + this%slope(row)*bend(row)
       end do
       first(n + 1) = used + 1
     end associate
+    if (allocated(this%jumps)) call this%jumps%correct_weights(growth, first, index, value)
     index = index(:used)
     value = value(:used)
+
+  contains
+
+    !> The row of a particle where conductivities are no products: of Σ a_ij (c_i + c_j)/2 (u_j -
+    !> u_i)
+    subroutine weigh_products(particle, weight, row_index, row_value)
+      integer, intent(in) :: particle
+      real(wp), intent(in) :: weight(:)
+      !> The particle, then its neighbours
+      integer, intent(in) :: row_index(:)
+      real(wp), intent(out) :: row_value(:)
+
+      associate (c => this%local%factor, u => this%local%level, i => particle, j => row_index(2:), &
+                 warming => this%local%factor_slope*bend)
+        row_value(2:) = this%diffusivity*weight*0.5_wp* &
+                        ((c(i) + c(j))*growth(j) + warming(j)*(u(j) - u(i)))
+        row_value(1) = this%diffusivity*0.5_wp* &
+                       sum(weight*(warming(i)*(u(j) - u(i)) - (c(i) + c(j))*growth(i)))
+      end associate
+    end subroutine weigh_products
+
   end subroutine jacobian_rows
 
   pure function is_linear(this) result(answer)
@@ -678,6 +791,8 @@ contains
 
     bound = this%diffusivity*this%laplacian%gershgorin_bound()
     if (allocated(this%content)) then
+      if (allocated(this%local)) bound = bound*maxval(this%local%factor)
+      if (allocated(this%jumps)) bound = bound + this%jumps%largest_sum()
       bound = bound*maxval(this%potential_slope)
       if (allocated(this%slope)) bound = bound + maxval(abs(this%slope*this%temperature_slope))
     else
@@ -691,6 +806,8 @@ contains
     integer :: k
 
     rate = 0
+    ! What jumps add to weights may have any sign.
+    if (allocated(this%jumps)) return
     if (any(this%laplacian%weight < 0)) return
     if (allocated(this%effects)) then
       do k = 1, size(this%effects)
@@ -700,6 +817,7 @@ contains
     ! The potential grows with the state, so that a mean of potentials keeps the order of states.
     rate = this%diffusivity*maxval(-this%laplacian%diagonal)
     if (allocated(this%content)) rate = rate*maxval(this%potential_slope)
+    if (allocated(this%local)) rate = rate*maxval(this%local%factor)
   end function fastest_decay
 
   !> The range that a state may leave by a little only. Effects that heat or cool without end leave

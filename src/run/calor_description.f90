@@ -101,6 +101,16 @@ contains
     end if
   end function scheme
 
+  !> Whether anything melts
+  pure function melts(simulation) result(answer)
+    type(simulation_t), intent(in) :: simulation
+    logical :: answer
+
+    answer = .false.
+    if (.not. allocated(simulation%conduction%content)) return
+    answer = any(simulation%conduction%content%law%melts)
+  end function melts
+
   !> What a run did: steps, wall time by phase, the error if it is known, the file.
   function describe_result(simulation) result(lines)
     !> A simulation after `run`
@@ -120,13 +130,13 @@ contains
     end if
     call add(lines, 'Temperature', to_text(minval(simulation%temperature), digits=6)//' to '// &
              to_text(maxval(simulation%temperature), digits=6))
-    if (allocated(simulation%content)) then
+    if (melts(simulation)) then
       call add(lines, 'Liquid', to_text(100*sum(simulation%cloud%area* &
              simulation%liquid_fraction())/sum(simulation%cloud%area), digits=4)//' % of the body')
     end if
     if (size(simulation%entries) > 0) call add(lines, 'Heat', budget(simulation))
     if (allocated(simulation%motion)) call add(lines, 'Motion', motion(simulation))
-    if (allocated(simulation%estimate)) call add(lines, 'Estimate', estimate())
+    if (simulation%estimates_error()) call add(lines, 'Estimate', estimate())
     if (simulation%knows_exact()) then
       call add(lines, 'Error', 'relative L2 error '// &
                to_text(simulation%relative_l2_error(), digits=3)//' at t = '// &
@@ -149,6 +159,10 @@ contains
       text = 'relative L2 error '//to_text(simulation%estimated_error(), digits=3)//', at most '// &
              to_text(simulation%estimated_maximum_error(), digits=3)//' K at a particle'
       if (simulation%scene%time%steady) return
+      if (allocated(simulation%coarser)) then
+        text = text//'; an estimate from above, by a run with particles twice as far apart'
+        return
+      end if
       text = text//'; the estimates of the steps add up to '// &
              to_text(simulation%stepper%accumulated_error, digits=2)//' K'
     end function estimate

@@ -198,7 +198,7 @@ contains
     !> The budget
     type(budget_entry_t), intent(out) :: entry
     real(wp), allocatable :: rate(:), power(:), flux(:), share(:), missing(:), held(:), capacity(:)
-    real(wp), allocatable :: temperature(:), potential(:)
+    real(wp), allocatable :: temperature(:)
     real(wp) :: conductivity
     character(len=:), allocatable :: name
     integer :: k, account
@@ -214,9 +214,7 @@ contains
       if (.not. this%available) return
 
       allocate (rate(size(state)), power(size(state)), temperature(size(state)))
-      allocate (potential(size(state)))
       call conduction%find_temperature(state, temperature)
-      call conduction%find_potential(state, potential)
       allocate (flux(size(contacts%particle)), source=0.0_wp)
       call conduction%rate(time, state, rate)
       call conduction%add_held_rates(time, rate)
@@ -241,7 +239,7 @@ contains
       ! What holding takes: the flux that the row of a held particle lacks
       missing = capacity*rate - missing
       allocate (held(conduction%held_rows%rows()))
-      call conduction%held_rows%apply(potential, held)
+      call conduction%apply_held_rows(state, held)
       allocate (share(size(temperature)), source=0.0_wp)
       do k = 1, size(contacts%particle)
         if (contacts%holding(k)) share(contacts%particle(k)) = share(contacts%particle(k)) + &

@@ -4,10 +4,11 @@
 !>
 !>     (A(t) - A(m)) u(t) = (t - m) A'u + (t - m)² (½A''u + A'u')
 !>
-!> is missed, a part odd in t - m and one even with the mean H²/24 (A''u + 2A'u'). A' comes from the
-!> difference of the rows of two places on the way, applied to the same field, and A''u + A'u' is how
-!> A'u changes from step to step. The rows are those of the reference that errors are estimated with:
-!> how the true ∇² changes along the paths is asked for, not how the scheme's own error does.
+!> is missed, a part odd in t - m and one even with the mean H²/24 (A''u + 2A'u'). A' comes from
+!> the difference of the rows of two places on the way, applied to the same field, and A''u + A'u'
+!> is how A'u changes from step to step. The rows are those of the reference that errors are
+!> estimated with: how the true ∇² changes along the paths is asked for, not how the scheme's own
+!> error does.
 module calor_rows_in_motion
   use calor_conduction, only: conduction_t
   use calor_kinds, only: wp

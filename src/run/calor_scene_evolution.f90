@@ -159,7 +159,14 @@ contains
                                       content, error)
       call conduction%agree(error)
       if (allocated(error)) return
-      if (allocated(content)) call conduction%use_content(content, temperature)
+      if (allocated(content)) then
+        call conduction%use_content(content, temperature)
+        call own%materials%find_local(cloud, lowest, highest, conduction%local)
+        call own%materials%find_jumps(content, cloud, conduction%laplacian, .true., lowest, &
+                                      highest, conduction%jumps)
+        call own%materials%find_jumps(content, cloud, conduction%held_rows, .false., lowest, &
+                                      highest, conduction%held_jumps)
+      end if
     end if
     call conduction%assume_stiffest()
   end subroutine make_scene_evolution

@@ -17,9 +17,11 @@ module calor_scene_materials
   use calor_kernel, only: kernel_t
   use calor_kinds, only: wp, ip, i8
   use calor_laplacian_scheme, only: row_rule_t
+  use calor_local_conductivity, only: local_conductivity_t
   use calor_material_flow, only: material_flow_t
   use calor_materials, only: materials_t, material_t, read_materials
   use calor_medium, only: medium_t
+  use calor_potential_jumps, only: potential_jumps_t, contact_t
   use calor_row_quality, only: row_quality_t
   use calor_row_report, only: row_report_t
   use calor_scene_file, only: scene_file_t, group_t
@@ -51,6 +53,8 @@ module calor_scene_materials
     real(wp) :: widest = 0.0_wp
     !> Where interfaces are
     type(material_flow_t), private :: flow
+    !> Between which materials that touch the potential jumps; not allocated: there are none such
+    logical, allocatable, private :: jumps(:, :)
   contains
     !> Read the materials and look at them on a cloud
     procedure :: prepare
@@ -60,7 +64,13 @@ module calor_scene_materials
     procedure :: convert
     !> What the heat content is, where that is not the temperature
     procedure :: find_content
+    !> What rows lack where potentials jump, and conductivities that are no products
+    procedure :: find_jumps
+    procedure :: find_local
+    procedure, private :: has_local
     procedure, private :: reaches_across
+    procedure, private :: take_melting
+    procedure, private :: compare_factors
     !> Whether rows depend on the material of the particles only, and on no place or direction
     procedure :: goes_with_particles
   end type scene_materials_t
@@ -217,7 +227,7 @@ contains
 
   !> The laws of heat contents; not allocated where those are the temperatures.
   subroutine find_content(this, file, cloud, effects, lowest, highest, content, error)
-    class(scene_materials_t), intent(in) :: this
+    class(scene_materials_t), intent(inout) :: this
     !> The scene's groups, and the cloud
     type(scene_file_t), intent(in) :: file
     type(cloud_t), intent(in) :: cloud
@@ -250,19 +260,86 @@ contains
       do k = 1, size(effects)
         select type (effect => effects(k)%effect)
         type is (melting_t)
-          call take_melting(file, effect, this%materials%reference, found%law(effect%material), &
-                            error)
+          call this%take_melting(file, cloud, effect, found, error)
           if (allocated(error)) return
         class default
           cycle
         end select
       end do
     end if
-    if (.not. any(found%law%melts .or. found%law%stores .or. found%law%conducts)) return
+    if (.not. (any(found%law%melts .or. found%law%stores .or. found%law%conducts) .or. &
+               this%has_local())) return
     call found%prepare(lowest, highest)
-    if (this%in_force) call require_one_factor(this, found, lowest, highest, error)
+    if (this%in_force) call this%compare_factors(found, lowest, highest, error)
     if (.not. allocated(error)) content = found
   end subroutine find_content
+
+  !> Whether any conductivity is no product.
+  pure function has_local(this) result(answer)
+    class(scene_materials_t), intent(in) :: this
+    logical :: answer
+
+    answer = .false.
+    if (this%in_force) answer = any(.not. this%materials%list%is_product)
+  end function has_local
+
+  subroutine find_jumps(this, content, cloud, operator, by_particle, lowest, highest, jumps)
+    class(scene_materials_t), intent(in) :: this
+    !> The laws
+    type(heat_content_t), intent(in) :: content
+    !> The cloud, and rows on it
+    type(cloud_t), intent(in) :: cloud
+    type(sparse_operator_t), intent(in) :: operator
+    !> Whether results stand at the particles' places, not at the rows'
+    logical, intent(in) :: by_particle
+    !> Range of temperatures that may occur
+    real(wp), intent(in) :: lowest, highest
+    !> What the rows lack; not allocated: nothing
+    type(potential_jumps_t), allocatable, intent(out) :: jumps
+    type(contact_t) :: contact
+    integer :: row, other
+
+    if (.not. allocated(this%jumps)) return
+    allocate (jumps)
+    call jumps%prepare(content%law, lowest, highest)
+    do row = 1, operator%rows()
+      if (.not. this%reaches_across(operator, row)) cycle
+      associate (i => operator%target(row), from => operator%first(row), &
+                 to => operator%first(row + 1) - 1)
+        do other = 1, size(this%jumps, 2)
+          if (.not. this%jumps(this%flow%material(i), other)) cycle
+          if (all(this%flow%material(operator%index(from:to)) /= other)) cycle
+          call this%flow%contact_at(this%materials, cloud%x, cloud%y, cloud%spacing, i, other, &
+                                    contact)
+          call jumps%add_row(operator, row, merge(int(i), row, by_particle), contact, &
+                             this%flow%material, cloud%x, cloud%y)
+        end do
+      end associate
+    end do
+    if (jumps%is_empty()) deallocate (jumps)
+  end subroutine find_jumps
+
+  subroutine find_local(this, cloud, lowest, highest, local)
+    class(scene_materials_t), intent(in) :: this
+    !> The cloud
+    type(cloud_t), intent(in) :: cloud
+    !> Range of temperatures that may occur
+    real(wp), intent(in) :: lowest, highest
+    !> Conductivities that are no products; not allocated: there are none
+    type(local_conductivity_t), allocatable, intent(out) :: local
+    integer, allocatable :: member(:)
+    integer :: k, i
+
+    if (.not. this%has_local()) return
+    allocate (local)
+    call local%prepare(cloud%particles(), this%materials%reference, lowest, highest)
+    do k = 1, size(this%materials%list)
+      if (this%materials%list(k)%is_product) cycle
+      member = pack([(i, i=1, cloud%particles())], this%flow%material == k)
+      call local%add_material(this%materials%list(k)%conductivity(1), member, cloud%x(member), &
+                              cloud%y(member))
+    end do
+  end subroutine find_local
 
   !> What of a material depends on the temperature
   pure subroutine take_material(material, reference, law)
@@ -270,7 +347,7 @@ contains
     real(wp), intent(in) :: reference
     type(heat_law_t), intent(inout) :: law
 
-    law%conducts = material%conducts_by_temperature
+    law%conducts = material%conducts_by_temperature .and. material%is_product
     law%stores = material%stores_by_temperature
     law%conductivity = material%conductivity(1)
     law%density = material%density
@@ -278,62 +355,93 @@ contains
     law%reference = reference
   end subroutine take_material
 
-  !> What melting makes of it: latent heat over the heat capacity at the reference temperature is
-  !> one number of the material.
-  subroutine take_melting(file, melting, reference, law, error)
+  !> What melting makes of it: latent heat over the heat capacity at the reference temperature
+  subroutine take_melting(this, file, cloud, melting, content, error)
+    class(scene_materials_t), intent(in) :: this
     type(scene_file_t), intent(in) :: file
+    type(cloud_t), intent(in) :: cloud
     type(melting_t), intent(inout) :: melting
-    real(wp), intent(in) :: reference
-    type(heat_law_t), intent(inout) :: law
+    type(heat_content_t), intent(inout) :: content
     type(error_t), allocatable, intent(out) :: error
     type(group_t) :: group
     type(expression_t) :: expression
-    real(wp) :: heat_capacity
+    real(wp), allocatable :: heat_capacity(:)
+    logical, allocatable :: member(:)
 
     call file%group('material', group, melting%material)
     call get_varying(group, 'heat_capacity', expression, error, 1.0_wp)
     if (allocated(error)) return
-    if (expression%uses('x') .or. expression%uses('y')) then
-      call raise_at(error, group, 'heat_capacity_expression', 'where something melts the heat '// &
-                    'capacity must not depend on x and y; give several groups &material.')
-      return
-    end if
-    call expression%evaluate(0.0_wp, 0.0_wp, 0.0_wp, heat_capacity, reference)
-    melting%rise = melting%latent_heat/heat_capacity
-    law%melts = .true.
-    law%solidus = melting%solidus
-    law%liquidus = melting%liquidus
-    law%rise = melting%rise
+    associate (law => content%law(melting%material))
+      law%melts = .true.
+      law%solidus = melting%solidus
+      law%liquidus = melting%liquidus
+      allocate (heat_capacity(cloud%particles()))
+      call expression%evaluate(cloud%x, cloud%y, 0.0_wp, heat_capacity, &
+                               spread(this%materials%reference, 1, cloud%particles()))
+      allocate (member(cloud%particles()), source=.true.)
+      if (allocated(content%law_of)) member = content%law_of == melting%material
+      ! A material that is nowhere melts nowhere.
+      if (.not. any(member)) return
+      melting%rise = melting%latent_heat/minval(heat_capacity, member)
+      law%rise = melting%rise
+      if (expression%uses('x') .or. expression%uses('y')) then
+        if (.not. allocated(content%rise)) then
+          allocate (content%rise(cloud%particles()), source=0.0_wp)
+          if (allocated(content%law_of)) content%rise = content%law(content%law_of)%rise
+        end if
+      end if
+      if (.not. allocated(content%rise)) return
+      where (member) content%rise = melting%latent_heat/heat_capacity
+    end associate
   end subroutine take_melting
 
-  !> Rows across an interface hold for potentials that are continuous there.
-  subroutine require_one_factor(this, content, lowest, highest, error)
-    type(scene_materials_t), intent(in) :: this
+  !> Potentials are continuous at an interface only if the factors are the same on both sides.
+  subroutine compare_factors(this, content, lowest, highest, error)
+    class(scene_materials_t), intent(inout) :: this
     type(heat_content_t), intent(in) :: content
     real(wp), intent(in) :: lowest, highest
     type(error_t), allocatable, intent(out) :: error
     integer, parameter :: temperatures = 17
     real(wp), parameter :: rounding = 1.0e-9_wp
     real(wp) :: f, other, unused
+    logical :: same
     integer :: k, j, step
 
     do k = 2, size(content%law)
       do j = 1, k - 1
         if (.not. this%flow%touch(j, k)) cycle
-        do step = 0, temperatures - 1
-          associate (t => lowest + (highest - lowest)*step/(temperatures - 1))
-            call content%law(k)%factors(t, f, unused)
-            call content%law(j)%factors(t, other, unused)
-          end associate
-          if (abs(f - other) <= rounding*f) cycle
-          call raise(error, status_bad_input, this%materials%list(k)%place// &
-                     ': materials that touch must depend on T by the same factor, as 1+T/100 '// &
-                     'and 20*(1+T/100) do; give both that factor, or leave T out of both.')
-          return
-        end do
+        associate (one => this%materials%list(k), two => this%materials%list(j))
+          if (.not. (one%is_product .and. two%is_product)) then
+            call raise(error, status_bad_input, one%place//', '//two%place//': where materials '// &
+                       'touch, how a conductivity depends on T must be the same everywhere in '// &
+                       'each: write it as a function of x and y times a function of T.')
+            return
+          end if
+          same = .true.
+          do step = 0, temperatures - 1
+            associate (t => lowest + (highest - lowest)*step/(temperatures - 1))
+              call content%law(k)%factors(t, f, unused)
+              call content%law(j)%factors(t, other, unused)
+            end associate
+            same = same .and. abs(f - other) <= rounding*f
+          end do
+          if (same) cycle
+          if (.not. (one%isotropic .and. two%isotropic)) then
+            call raise(error, status_bad_input, one%place//', '//two%place//': materials that '// &
+                       'touch must depend on T by the same factor, as 1+T/100 and 20*(1+T/100) '// &
+                       'do, where one of them conducts differently in different directions; '// &
+                       'give both that factor, or leave T out of both.')
+            return
+          end if
+        end associate
+        if (.not. allocated(this%jumps)) then
+          allocate (this%jumps(size(content%law), size(content%law)), source=.false.)
+        end if
+        this%jumps(j, k) = .true.
+        this%jumps(k, j) = .true.
       end do
     end do
-  end subroutine require_one_factor
+  end subroutine compare_factors
 
   pure function reaches_across(this, operator, row) result(answer)
     class(scene_materials_t), intent(in) :: this

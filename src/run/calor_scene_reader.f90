@@ -487,10 +487,14 @@ contains
       scene%accuracy%estimate = .true.
     end if
     scene%accuracy%place = place_of(group, '')
-    if (scene%accuracy%estimate .and. scene%melts) then
-      call raise_at(error, group, '', 'the error is not estimated where something melts: the '// &
-                    'equation of the error holds for smooth fields. Remove &accuracy, or '// &
-                    '&material latent_heat.')
+    if (scene%melts .and. scene%accuracy%target > 0) then
+      call raise_at(error, group, 'target', 'where something melts the error is estimated from '// &
+                    'above only, which is too little to choose by. Take estimate = .true.')
+    else if (scene%accuracy%estimate .and. scene%melts .and. scene%domain%shape == 'cloud' .and. &
+             .not. scene%time%steady) then
+      call raise_at(error, group, '', 'where something melts the error is estimated from a run '// &
+                    'with particles twice as far apart, which a cloud from a file does not '// &
+                    'have. Remove &accuracy, or give &domain a shape.')
     end if
   end subroutine read_accuracy
 
@@ -524,6 +528,13 @@ contains
         if (all([(output%fields(k)%value /= 'error_estimate', k=1, size(output%fields))])) then
           output%fields = [output%fields, text_t('error_estimate')]
         end if
+        do k = 1, size(output%fields)
+          if (output%fields(k)%value /= 'temperature_corrected') cycle
+          if (.not. scene%melts .or. scene%time%steady) cycle
+          call raise_at(error, group, 'fields', 'where something melts the error is estimated '// &
+                        'from above only, so that there is no ''temperature_corrected''.')
+          return
+        end do
       else
         do k = 1, size(output%fields)
           if (all(output%fields(k)%value /= &

@@ -16,6 +16,8 @@ module calor_simulation
   use calor_kernels, only: make_kernel
   use calor_kinds, only: wp, ip
   use calor_laplacian_schemes, only: usual_support
+  use calor_local_polynomial, only: interpolate_field
+  use calor_materials, only: materials_t, read_materials
   use calor_method_choice, only: method_choice_t, problem_t, foresee_costs
   use calor_rightmost_eigenvalue, only: rightmost_t, find_rightmost
   use calor_row_report, only: row_report_t
@@ -50,6 +52,9 @@ module calor_simulation
   real(wp), parameter :: rounding = 1.0e-11_wp
   !> Error of one step, as a part of the range of given temperatures, where the scene gives none
   real(wp), parameter :: default_tolerance = 1.0e-6_wp
+
+  character(len=*), parameter :: coarser_run = 'In the run with particles twice as far apart, '// &
+                                               'from which the error is estimated: '
 
   !> A scene at work
   type :: simulation_t
@@ -91,6 +96,9 @@ module calor_simulation
     real(wp), allocatable :: temperature(:)
     !> The error of the temperatures, where the scene asks for it
     type(error_transport_t), allocatable :: estimate
+    !> Where something melts: the same scene with particles twice as far apart, which tells the
+    !> error; a simulation_t (gfortran 12 fails on types that hold their own kind)
+    class(*), allocatable :: coarser
     !> How particles move; not allocated where nothing moves
     type(motion_t), allocatable :: motion
     !> The rows of the estimate's reference on their way with the particles, where both are in force
@@ -126,6 +134,8 @@ module calor_simulation
     procedure :: knows_exact
     !> ‖u - u_exact‖ / ‖u_exact‖ in the L2 norm over the body, by the particles' areas
     procedure :: relative_l2_error
+    !> Whether the scene asks for an estimate of the error
+    procedure :: estimates_error
     !> Estimate of that error, from the error carried along
     procedure :: estimated_error
     !> Estimate of the largest error of a temperature, K
@@ -134,6 +144,7 @@ module calor_simulation
     procedure :: error_estimate
     procedure, private :: temperature_slope
     procedure, private :: prepare_estimate
+    procedure, private :: prepare_coarser
     !> How much of each particle is liquid, from 0 to 1
     procedure :: liquid_fraction
     procedure, private :: state
@@ -254,7 +265,11 @@ contains
     end if
     if (scene%accuracy%estimate) then
       call this%stopwatch%start('error estimate')
-      call this%prepare_estimate(error, further)
+      if (scene%melts .and. .not. scene%time%steady) then
+        call this%prepare_coarser(error, further)
+      else
+        call this%prepare_estimate(error, further)
+      end if
       if (allocated(error)) return
     end if
     call this%stopwatch%stop()
@@ -299,7 +314,7 @@ contains
       end if
       call this%stopwatch%start('output')
       call this%note_budget()
-      if (allocated(this%estimate)) then
+      if (this%estimates_error()) then
         call file%write_state(this%time, this%temperature, this%exact, file_error, &
                               this%liquid_fraction(), this%error_estimate())
       else
@@ -321,7 +336,7 @@ contains
     if (.not. allocated(file_error)) then
       call file%write_budget(this%budget, this%entries)
       if (this%knows_exact()) call file%note('relative_l2_error', this%relative_l2_error())
-      if (allocated(this%estimate)) then
+      if (this%estimates_error()) then
         call file%note('estimated_error', this%estimated_error())
         call file%note('estimated_maximum_error', this%estimated_maximum_error())
       end if
@@ -475,6 +490,8 @@ contains
   function effects_in_force(this) result(texts)
     class(simulation_t), intent(in) :: this
     type(text_t), allocatable :: texts(:)
+    type(materials_t) :: materials
+    type(error_t), allocatable :: error
     integer :: k
 
     call append(texts, 'conduction')
@@ -490,6 +507,9 @@ contains
         call append(texts, 'shifting ('//this%scene%motion%place//')')
       end if
     end if
+    ! They have been read before.
+    call read_materials(this%scene%file, materials, error)
+    texts = [texts, materials%in_force()]
     if (.not. allocated(this%conduction%effects)) return
     do k = 1, size(this%conduction%effects)
       associate (effect => this%conduction%effects(k)%effect)
@@ -511,6 +531,14 @@ contains
     else
       call this%advance_resting(time, error)
     end if
+    if (.not. allocated(this%coarser) .or. allocated(error)) return
+    call this%stopwatch%start('error estimate')
+    select type (coarser => this%coarser)
+    type is (simulation_t)
+      call coarser%advance_to(time, error)
+    end select
+    call this%stopwatch%stop()
+    if (allocated(error)) error%message = coarser_run//error%message
   end subroutine advance_to
 
   !> Step to a time with the rows as they are.
@@ -759,11 +787,32 @@ contains
     if (norm > 0) deviation = deviation/norm
   end function relative_l2_error
 
+  function estimates_error(this) result(answer)
+    class(simulation_t), intent(in) :: this
+    logical :: answer
+
+    answer = allocated(this%estimate) .or. allocated(this%coarser)
+  end function estimates_error
+
   !> The error of each temperature: what is carried along is that of the unknown.
+  !>
+  !> Where something melts the front lies anywhere between particles, and errors are of first order:
+  !> those of the coarser run are about twice as large.
   function error_estimate(this) result(deviation)
     class(simulation_t), intent(in) :: this
     real(wp), allocatable :: deviation(:)
 
+    if (allocated(this%coarser)) then
+      allocate (deviation(size(this%temperature)))
+      select type (coarser => this%coarser)
+      type is (simulation_t)
+        call interpolate_field(coarser%cloud%x, coarser%cloud%y, coarser%temperature, &
+                               coarser%cloud%spacing, 1, this%cloud%x, this%cloud%y, deviation)
+      end select
+      deviation = this%temperature - deviation
+      call this%conduction%clear_prescribed(deviation)
+      return
+    end if
     deviation = this%estimate%error
     ! A steady state is found in terms of the temperature.
     if (allocated(this%content) .and. .not. this%scene%time%steady) then
@@ -801,6 +850,26 @@ contains
 
     largest = maxval(abs(this%error_estimate()))
   end function estimated_maximum_error
+
+  !> The same scene with particles twice as far apart.
+  subroutine prepare_coarser(this, error, further)
+    class(simulation_t), intent(inout) :: this
+    type(error_t), allocatable, intent(out) :: error
+    type(effect_slot_t), intent(in), optional :: further(:)
+    type(scene_t) :: scene
+
+    scene = this%scene
+    scene%accuracy%estimate = .false.
+    scene%domain%spacing = 2*this%cloud%spacing
+    scene%output%file = ''
+    allocate (simulation_t :: this%coarser)
+    select type (coarser => this%coarser)
+    type is (simulation_t)
+      call coarser%prepare(scene, error, further, uncertified=.true.)
+      if (.not. allocated(error)) call coarser%certify(error)
+    end select
+    if (allocated(error)) error%message = coarser_run//error%message
+  end subroutine prepare_coarser
 
   !> The same problem by a scheme of higher order, with which the error is carried along.
   !>

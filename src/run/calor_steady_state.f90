@@ -43,7 +43,8 @@ contains
 
     is_nonlinear = allocated(conduction%slope)
     if (allocated(conduction%content)) then
-      is_nonlinear = is_nonlinear .or. conduction%content%conducts()
+      is_nonlinear = is_nonlinear .or. conduction%content%conducts() .or. &
+                     allocated(conduction%local)
     end if
     call conduction%linearise(0.0_wp, temperature)
     call require_hold(conduction, place, error)

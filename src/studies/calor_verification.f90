@@ -76,8 +76,14 @@ module calor_verification
                           error_of_field, 0.0_wp, 1.0e-4_wp), &
       verification_case_t('kirchhoff_decay', 'capacity too, in time, relative L2 error', &
                           error_of_field, 0.0_wp, 5.0e-3_wp), &
+      verification_case_t('two_laws', 'two slabs of different laws 1:1000, relative L2 error', &
+                          error_of_field, 0.0_wp, 1.0e-10_wp), &
+      verification_case_t('no_product', 'conductivity 1 + x T^2/4, relative L2 error', &
+                          error_of_field, 0.0_wp, 1.0e-4_wp), &
       verification_case_t('l_shape', 'L, steady, relative imbalance of the heat budget', &
                           imbalance, 0.0_wp, 1.0e-6_wp), &
+      verification_case_t('l_shape', 'L, steady, K at (2, 1), by spacings down to 0.005 m', &
+                          temperature_at, 22.9864_wp, 0.005_wp, 2.0_wp, 1.0_wp), &
       verification_case_t('stefan_0_1', 'Stefan number 0.1, similarity solution, front, m', &
                           melted_length, 0.6_wp, 0.02_wp), &
       verification_case_t('stefan_1', 'Stefan number 1, similarity solution, front, m', &
