@@ -7,6 +7,8 @@ module calor_shared_cloud
   use calor_curve_bands, only: bands_t
   use calor_error, only: error_t, raise, status_bad_input
   use calor_halo, only: add_halo
+  use calor_kernel, only: kernel_t
+  use calor_kernels, only: make_kernel
   use calor_kinds, only: wp, i8
   use calor_ranks, only: ranks_t
   use calor_scene, only: scene_t
@@ -14,6 +16,7 @@ module calor_shared_cloud
   use calor_scene_cloud, only: make_scene_slice
   use calor_slice, only: slice_t
   use calor_text, only: to_text
+  use calor_volume, only: volumes_from_kernel
   use mpi_f08, only: mpi_allreduce, mpi_bor, mpi_in_place, mpi_integer, mpi_logical, mpi_lor
   implicit none (type, external)
   private
@@ -59,13 +62,20 @@ contains
     !> The scene's domain is wrong
     type(error_t), allocatable, intent(out) :: error
     type(slice_t) :: slice
+    logical :: has_volume
     integer :: k
 
     slice = slice_t(ranks%rank, ranks%ranks)
-    call make_scene_slice(scene, slice, this%own, error)
+    call make_scene_slice(scene, slice, this%own, has_volume, error)
     call ranks%agree(error)
     if (allocated(error)) return
-    if (scene%domain%shape /= 'rectangle') then
+    if (scene%domain%shape == 'cloud') then
+      associate (before => ranks%before(int(this%own%particles(), i8)))
+        this%own%user_index = this%own%user_index + int(before)
+      end associate
+      call find_spacing(ranks, scene, has_volume, this%own, error)
+      if (allocated(error)) return
+    else if (scene%domain%shape /= 'rectangle') then
       ! Those inside were numbered as if no others came before.
       associate (before => ranks%before(int(count(this%own%side == 0), i8)))
         do k = 1, this%own%particles()
@@ -88,8 +98,46 @@ contains
     if (.not. scene%uniform_material) then
       this%reach = this%reach + interface_reach*this%own%spacing
     end if
+    if (.not. has_volume) then
+      call find_volumes(this, ranks, scene, error)
+      if (allocated(error)) return
+    end if
+    if (scene%domain%shape == 'cloud') this%own%area = this%own%volume
     call this%reach_out(ranks, scene, error)
   end subroutine make
+
+  !> A user's cloud: the spacing given, or the root of the mean particle volume.
+  subroutine find_spacing(ranks, scene, has_volume, cloud, error)
+    type(ranks_t), intent(in) :: ranks
+    type(scene_t), intent(in) :: scene
+    logical, intent(in) :: has_volume
+    type(cloud_t), intent(inout) :: cloud
+    type(error_t), allocatable, intent(out) :: error
+
+    if (scene%domain%spacing > 0) return
+    if (has_volume) then
+      cloud%spacing = sqrt(ranks%total(sum(cloud%volume))/ranks%total(int(cloud%particles(), i8)))
+    else
+      call raise(error, status_bad_input, scene%domain%place//': The cloud''s file has no column '// &
+                 '''volume'', so &domain needs spacing: the distance between neighbouring '// &
+                 'particles in metres.')
+    end if
+  end subroutine find_spacing
+
+  !> Volumes of the own particles from how densely they lie.
+  subroutine find_volumes(this, ranks, scene, error)
+    class(shared_cloud_t), intent(inout) :: this
+    type(ranks_t), intent(in) :: ranks
+    type(scene_t), intent(in) :: scene
+    type(error_t), allocatable, intent(out) :: error
+    class(kernel_t), allocatable :: kernel
+
+    call make_kernel(scene%kernel, kernel, error)
+    if (allocated(error)) return
+    call add_halo(ranks, this%bands, this%own, this%reach, this%cloud, this%number)
+    call volumes_from_kernel(this%cloud, kernel, scene%support*this%own%spacing)
+    this%own%volume = this%cloud%volume(this%cloud%own_first:this%cloud%own_last)
+  end subroutine find_volumes
 
   !> Get the particles within reach, and so many at least that no row wants more.
   subroutine reach_out(this, ranks, scene, error)

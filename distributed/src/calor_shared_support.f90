@@ -26,8 +26,6 @@ contains
       call refuse(scene%accuracy%place, 'estimates of the error')
     else if (scene%accuracy%target > 0) then
       call refuse(scene%accuracy%place, 'a target of accuracy')
-    else if (scene%domain%shape == 'cloud') then
-      call refuse(scene%domain%place, 'clouds from a file')
     else if (scene%domain%arrangement == 'relaxed') then
       call refuse(scene%domain%place, 'arrangement = ''relaxed''')
     else if (scene%laplacian == 'double_gradient') then

@@ -27,6 +27,8 @@ contains
              new_unittest('plate, the program choosing', test_auto), &
              new_unittest('disc with convection', test_disc), &
              new_unittest('two materials', test_slab), &
+             new_unittest('cloud from a text file', test_csv), &
+             new_unittest('cloud from an output file', test_vtkhdf), &
              new_unittest('polygon with radiation and flux', test_polygon), &
              new_unittest('melting', test_melting), &
              new_unittest('steady', test_steady)]
@@ -145,6 +147,51 @@ contains
                         '&time end=0.01 method=''rkl2'' /', &
                         '&output file=''slab.vtkhdf'' /'], [1, 2, 3, 4, 8], error)
   end subroutine test_slab
+
+  !> A cloud without volumes, its particles in no order.
+  subroutine test_csv(error)
+    type(error_type), allocatable, intent(out) :: error
+    integer, parameter :: n = 24
+    integer :: unit, k, place, row, column
+    real(wp) :: x, y
+    logical :: on_wall
+
+    open (newunit=unit, file='particles.csv', action='write', status='replace')
+    write (unit, '(a)') '# a cloud', 'wall,y,x'
+    do k = 0, n*n - 1
+      place = mod(k*217 + 11, n*n)
+      column = place/n
+      row = mod(place, n)
+      on_wall = any([column, row] == 0) .or. any([column, row] == n - 1)
+      x = real(column, wp)/(n - 1)
+      y = real(row, wp)/(n - 1)
+      if (.not. on_wall) then
+        x = x + 0.2_wp*sin(37.0_wp*place)/(n - 1)
+        y = y + 0.2_wp*cos(91.0_wp*place)/(n - 1)
+      end if
+      write (unit, '(i0,2('','',es24.17))') merge(1, 0, on_wall), y, x
+    end do
+    close (unit)
+    call agree('csv', [character(len=wide) :: &
+                       '&domain shape=''cloud'' file=''particles.csv'' spacing=0.0435 /', &
+                       '&initial temperature_expression=''x*y'' /', &
+                       '&boundary on=''all'' kind=''temperature'' value=0 /', &
+                       '&time end=0.01 method=''rkl2'' /', &
+                       '&output file=''csv.vtkhdf'' /'], [1, 2, 3, 4, 8], error)
+  end subroutine test_csv
+
+  subroutine test_vtkhdf(error)
+    type(error_type), allocatable, intent(out) :: error
+
+    call test_csv(error)
+    if (allocated(error)) return
+    call agree('again', [character(len=wide) :: &
+                         '&domain shape=''cloud'' file=''csv_serial.vtkhdf'' /', &
+                         '&initial temperature_expression=''x*y'' /', &
+                         '&boundary on=''all'' kind=''temperature'' value=0 /', &
+                         '&time end=0.01 method=''rkl2'' /', &
+                         '&output file=''again.vtkhdf'' /'], [3], error)
+  end subroutine test_vtkhdf
 
   subroutine test_polygon(error)
     type(error_type), allocatable, intent(out) :: error

@@ -18,6 +18,7 @@ contains
     tests = [new_unittest('unsupported parts of a scene', test_unsupported), &
              new_unittest('an expression without a value on one rank', test_no_number), &
              new_unittest('a scene that is wrong', test_wrong), &
+             new_unittest('a wrong line far down in a cloud''s file', test_wrong_line), &
              new_unittest('a check runs nothing', test_check)]
   end subroutine collect_refusals
 
@@ -67,6 +68,31 @@ contains
 
     call refuse('wrong', '&initial temperatur=1 /', 'Did you mean', error)
   end subroutine test_wrong
+
+  !> A rank that reads the end of a file counts its lines as if it had read all.
+  subroutine test_wrong_line(error)
+    type(error_type), allocatable, intent(out) :: error
+    integer :: status, unit, k
+
+    open (newunit=unit, file='wrong.csv', action='write', status='replace')
+    write (unit, '(a)') 'x,y,volume,wall'
+    do k = 1, 100
+      if (k == 90) then
+        write (unit, '(a)') '1,2,-1,0'
+      else
+        write (unit, '(i0,a)') k, ',0,1,0'
+      end if
+    end do
+    close (unit)
+    call write_scene('wrongline', [character(len=wide) :: &
+                                   '&domain shape=''cloud'' file=''wrong.csv'' /', &
+                                   '&boundary on=''all'' kind=''temperature'' value=0 /', &
+                                   '&time end=1 /'])
+    call run_ranks('wrongline', 3, status)
+    call check(error, status, 2)
+    if (allocated(error)) return
+    call check(error, said('wrongline', 'line 91: column ''volume'': ''-1'' cannot be'), 1)
+  end subroutine test_wrong_line
 
   subroutine test_check(error)
     type(error_type), allocatable, intent(out) :: error

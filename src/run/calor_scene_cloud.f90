@@ -77,21 +77,32 @@ contains
     call cloud%reorder(order)
   end subroutine make_scene_cloud
 
-  !> Make a slice of the cloud of a body, as one of several processes does: in the user's order,
-  !> without areas and unchecked. The particles inside a disc, annulus or polygon are numbered as if
-  !> those of no other slice came before them.
-  subroutine make_scene_slice(scene, slice, cloud, error)
-    !> The scene, its particles not 'relaxed' and not from a file
+  !> Make or read a slice of a cloud, as one of several processes does: in the user's order, without
+  !> areas and unchecked. The particles inside a disc, annulus or polygon, and those from a file, are
+  !> numbered as if those of no other slice came before them. The spacing of a user's cloud is that
+  !> of the scene, 0 if it gives none.
+  subroutine make_scene_slice(scene, slice, cloud, has_volume, error)
+    !> The scene, its particles not 'relaxed'
     type(scene_t), intent(in) :: scene
     !> Which part of how many
     type(slice_t), intent(in) :: slice
     !> The particles
     type(cloud_t), intent(out) :: cloud
+    !> Whether their volumes are known
+    logical, intent(out) :: has_volume
     !> The scene's domain is wrong
     type(error_t), allocatable, intent(out) :: error
     type(body_t) :: body
+    logical :: has_wall
 
+    has_volume = .true.
     associate (domain => scene%domain)
+      if (domain%shape == 'cloud') then
+        call read_cloud_file(beside_scene(scene%path, domain%file), cloud, has_volume, has_wall, &
+                             error, slice=slice)
+        cloud%spacing = domain%spacing
+        return
+      end if
       call make_scene_body(domain, body, error)
       if (allocated(error)) return
       call check_memory(body%particles_about(domain%spacing)/slice%parts, scene%support, &
