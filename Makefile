@@ -11,8 +11,8 @@
 PREFIX ?= /usr/local
 
 .PHONY: help build run install test test-checked examples lint format pictures hard-cases cost documents \
-  steppers verification absent-effects bench fuzz set-up clean distclean distributed \
-  test-distributed
+  docs outside steppers verification absent-effects bench fuzz kill-runs set-up clean distclean \
+  distributed test-distributed
 SHELL := /bin/bash
 
 RELEASE_FLAGS := -O3 -march=native
@@ -23,9 +23,12 @@ CHECKED_FLAGS := -Og -g -fcheck=all,no-array-temps -finit-real=snan -ffpe-trap=i
 # What one build consists of; `test-checked` sets these three anew.
 FLAGS    ?= $(RELEASE_FLAGS)
 CASES    ?= 20000
+KILLS    ?= 200
 SEED     ?= 1
+LIMIT    ?= inf
 BIN      ?= bin
 EXAMPLES ?= build/examples
+DOCUMENTS = README.md CHANGELOG.md $(wildcard docs/*.md)
 
 # Libraries that a program does not call are not tied to it.
 FPM_OPTIONS = --flag "$(strip $(FLAGS))" --link-flag "-Wl,--as-needed"
@@ -39,6 +42,9 @@ export PKG_CONFIG_PATH := $(CURDIR)/build/pkgconfig:$(PKG_CONFIG_PATH)
 # Where the tests find the programs that they run.
 export CALOR_PROGRAM  = $(abspath $(BIN))/calor
 export CALOR_EXAMPLES = $(abspath $(EXAMPLES))
+
+# Threads of tests and measurements spin as briefly as those of the program: see app/brief_waiting.f90.
+export GOMP_SPINCOUNT ?= 1000
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):[^#]*## \(.*\)/\1|\2/p' $(MAKEFILE_LIST) | \
@@ -93,14 +99,20 @@ test-distributed: build distributed ## the tests of calor-mpi, on up to 8 ranks;
 	  --runner "$(CURDIR)/tools/run_in.sh $(CURDIR)/build/test-distributed" -- \
 	  $(if $(SUITE),"$(SUITE)") $(if $(TEST),"$(TEST)")
 
-fuzz: build ## feed 20000 damaged scenes and clouds to a build with sanitizers (an hour); CASES=, SEED=
+fuzz: build ## feed 20000 damaged scenes and clouds to a build with sanitizers (an hour); CASES=, SEED=, LIMIT= in s
 	@$(MAKE) --no-print-directory build FLAGS='$(CHECKED_FLAGS)' BIN=build/checked/bin
-	@tools/fuzz.py build/checked/bin/calor $(BIN)/calor --count $(CASES) --seed $(SEED)
+	@tools/fuzz.py build/checked/bin/calor $(BIN)/calor --count $(CASES) --seed $(SEED) \
+	  --seconds $(LIMIT)
 
-lint: ## check the sources: fortitude's rules and the format
+kill-runs: build ## kill runs 200 times, resume them, compare what they leave (minutes); KILLS=
+	@tools/kill_runs.py $(BIN)/calor --count $(KILLS) --seed $(SEED)
+
+lint: ## check the sources (fortitude's rules, the format), the documents' spelling and links
 	@tools/set_up.sh lint
 	@.venv/bin/fortitude check --quiet $(wildcard src app test example distributed/src distributed/app distributed/test)
 	@tools/format.sh --check $(wildcard src app test example distributed/src distributed/app distributed/test)
+	@.venv/bin/codespell --ignore-words tools/words.txt $(DOCUMENTS)
+	@tools/check_links.py $(DOCUMENTS)
 
 format: ## indent the sources as `make lint` wants them
 	@tools/set_up.sh lint
@@ -134,6 +146,16 @@ bench: build examples ## measure speed beside other programs (minutes); SIZE=0.0
 
 documents: build examples ## make anew what the documents quote from the programs
 	@tools/documents.sh
+	@tools/sessions.py
+
+docs: ## pages about all modules, by FORD, in build/api; a warning is an error
+	@tools/set_up.sh docs
+	@.venv-docs/bin/ford ford.md >build/api.log 2>&1 || { cat build/api.log; exit 1; }
+	@if grep -A1 -i warning build/api.log; then exit 1; fi
+	@echo "The pages begin at build/api/index.html."
+
+outside: build ## see that calor installs, and serves a project outside (minutes)
+	@tools/outside.sh "$(strip $(FLAGS))" "-Wl,--as-needed"
 
 set-up: ## install what is missing, build nothing
 	@tools/set_up.sh
@@ -143,4 +165,4 @@ clean: ## remove what was built
 	  build/compile_commands.json build/test-distributed distributed/build
 
 distclean: clean ## remove what was built and what was installed here (Debian packages stay)
-	rm -rf build distributed/build .venv .venv-vtk .venv-bench
+	rm -rf build distributed/build .venv .venv-vtk .venv-bench .venv-docs

@@ -58,6 +58,9 @@ module commands
   type(option_t), parameter :: option_table(*) = [ &
       option_t('run', '--quiet', '', 'say nothing but errors'), &
       option_t('run', '--verbose', '', 'say more: a line for every state that is written'), &
+      option_t('run', '--resume', '', 'go on from the last checkpoint'), &
+      option_t('run', '--checkpoint', 'FILE', &
+               'the checkpoint to resume from; without it that of the scene'), &
       option_t('plot', '--field', 'NAME', 'the field to draw; without it the temperature'), &
       option_t('plot', '--time', 'T', 'the time to draw, s; without it the last'), &
       option_t('plot', '--animate', '', 'draw all times, into a GIF'), &

@@ -14,6 +14,7 @@ program main
                    convergence_study_t, describe_convergence, check_convergence_files, &
                    write_convergence, draw_convergence, convergence_table_file, &
                    convergence_pictures
+  use brief_waiting, only: wait_briefly
   use command_call, only: call_t, read_call
   use completion, only: completion_script
   use convergence_progress, only: convergence_progress_t
@@ -38,6 +39,7 @@ program main
   integer :: status
   logical :: said
 
+  call wait_briefly()
   ! A full disk shall end in a message of ours, neither in HDF5's own nor in a signal.
   call skip_hdf5_cleanup()
   call ignore_file_size_signal()
@@ -113,19 +115,35 @@ contains
       call raise(error, status_bad_input, 'A run is either --quiet or --verbose, not both.')
       return
     end if
+    if (asked%has('--checkpoint') .and. .not. asked%has('--resume')) then
+      call raise(error, status_bad_input, '--checkpoint says what to resume from: give '// &
+                 '--resume too. Where checkpoints are written is said by &checkpoint file.')
+      return
+    end if
     call read_scene(asked%word(1), scene, error)
     if (allocated(error)) return
-    if (scene%accuracy%target > 0) then
+    if (scene%accuracy%target > 0 .and. .not. asked%has('--resume')) then
       call run_to_target(scene, quiet, error)
       return
     end if
-    call simulation%prepare(scene, error)
+    if (asked%has('--resume')) then
+      call simulation%resume(scene, asked%option_value('--checkpoint'), error)
+    else
+      call simulation%prepare(scene, error)
+    end if
     if (allocated(error)) return
     if (.not. quiet) call say_lines(describe_plan(simulation))
     if (.not. quiet) call say('')
+    if (asked%has('--resume') .and. .not. quiet) then
+      call say('Resumed at t = '//to_text(simulation%time, digits=6)//' s, after '// &
+               to_text(simulation%stepper%steps)//' steps')
+      call say('')
+    end if
+    ! From here on Ctrl-C ends the run after its step, and nothing is lost.
+    if (.not. scene%time%steady) call watch_for_interrupt()
     said = everything_said()
     call progress%begin(scene%time%end, quiet, asked%has('--verbose'))
-    call simulation%run(error, progress)
+    call simulation%run(error, progress, lean=.true.)
     call progress%finish()
     if (allocated(error) .or. quiet) return
     call say_lines(describe_result(simulation))

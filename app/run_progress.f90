@@ -2,7 +2,7 @@
 module run_progress
   use, intrinsic :: iso_fortran_env, only: int64
   use calor, only: observer_t, progress_line, simulation_t, to_text, wp
-  use terminal, only: everything_said, is_terminal, say, say_in_place
+  use terminal, only: everything_said, is_terminal, line_width, say, say_in_place
   implicit none (type, external)
   private
 
@@ -10,12 +10,13 @@ module run_progress
 
   !> Seconds between two lines: in place on a terminal, one after the other elsewhere
   real(wp), parameter :: in_place_seconds = 0.1_wp, log_seconds = 60.0_wp
-  integer, parameter :: bar_width = 20
 
   type, extends(observer_t) :: run_progress_t
     private
     logical :: quiet = .false., verbose = .false., in_place = .false.
     real(wp) :: end_time = 0.0_wp
+    !> The last estimate of the relative error; negative where there is none
+    real(wp) :: estimated_error = -1.0_wp
     !> When the run began, and when something was shown last
     integer(int64) :: start = 0, shown = 0
   contains
@@ -51,14 +52,17 @@ contains
     if (this%verbose) call say('')
   end subroutine finish
 
-  subroutine at_step(this, time, steps, accumulated_error)
+  subroutine at_step(this, time, steps, accumulated_error, pause)
     class(run_progress_t), intent(inout) :: this
     real(wp), intent(in) :: time
     integer, intent(in) :: steps
     real(wp), intent(in) :: accumulated_error
+    logical, intent(inout) :: pause
     integer(int64) :: now, rate
     logical :: said
 
+    associate (unused => pause)
+    end associate
     if (this%quiet) return
     call system_clock(now, rate)
     if (real(now - this%shown, wp)/rate < merge(in_place_seconds, log_seconds, &
@@ -67,9 +71,10 @@ contains
     associate (seconds => real(now - this%start, wp)/rate)
       if (this%in_place) then
         call say_in_place(progress_line(time, this%end_time, steps, seconds, accumulated_error, &
-                                        bar_width))
+                                        this%estimated_error, line_width))
       else
-        call say(progress_line(time, this%end_time, steps, seconds, accumulated_error, 0))
+        call say(progress_line(time, this%end_time, steps, seconds, accumulated_error, &
+                               this%estimated_error, 0))
         said = everything_said()
       end if
     end associate
@@ -80,6 +85,7 @@ contains
     type(simulation_t), intent(in) :: simulation
     logical :: said
 
+    if (allocated(simulation%estimate)) this%estimated_error = simulation%estimated_error()
     if (.not. this%verbose) return
     if (this%in_place) call say_in_place('')
     call say('t = '//to_text(simulation%time, digits=6)//' s   temperature '// &

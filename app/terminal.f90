@@ -4,7 +4,10 @@ module terminal
   implicit none (type, external)
   private
 
-  public :: say, say_in_place, everything_said, is_terminal
+  public :: say, say_in_place, everything_said, is_terminal, line_width
+
+  !> Letters of a line that is shown in place
+  integer, parameter :: line_width = 79
 
   interface
     !> Write a text and an end of line
@@ -58,13 +61,12 @@ contains
   subroutine say_in_place(line)
     !> The line, without an end; '' leaves an empty one
     character(len=*), intent(in) :: line
-    integer, parameter :: room = 79
     character(len=:), allocatable :: letters
     integer(c_int) :: status
     integer :: k
 
     if (.not. is_terminal()) return
-    letters = achar(13)//repeat(' ', room)//achar(13)//line(:min(len(line), room))
+    letters = achar(13)//repeat(' ', line_width)//achar(13)//line(:min(len(line), line_width))
     do k = 1, len(letters)
       status = c_putchar(iachar(letters(k:k), c_int))
     end do

@@ -11,7 +11,10 @@
 !>                              what the following work with
 !>     matrix FILE              these rows as raw numbers
 !>     mkl LIBRARY              hand them to MKL; 1 if it is there
+!>     single | double          have steps take weights in that precision from now on
 !>     triad | rate | stage | csr | product    seconds of one of each; bytes that it moves
+!>     five_point N             the plate to t = 0.05 on a lattice of N intervals a side, by forward
+!>                              Euler steps in a plain loop: seconds, relative L2 error
 !>     memory                   bytes of the process in memory now and at most
 program bench
   use calor_cloud, only: cloud_t
@@ -34,6 +37,7 @@ program bench
   use omp_lib, only: omp_get_wtime
   implicit none (type, external)
 
+  real(wp), parameter :: pi = acos(-1.0_wp)
   !> So many times is a short measurement repeated within one
   integer, parameter :: repeats = 5
 
@@ -75,6 +79,12 @@ program bench
     case ('mkl')
       call mkl%prepare(argument(line), conduction%laplacian, cloud%particles())
       write (*, '(i0)') merge(1, 0, mkl%ready)
+    case ('five_point')
+      call time_five_point()
+    case ('single', 'double')
+      conduction%single_weights = command == 'single'
+      call conduction%stream_rows()
+      write (*, '(a)') '1'
     case ('memory')
       call tell_memory()
     case default
@@ -158,7 +168,7 @@ contains
       y(k) = random_uniform(7, 2_i8*k + 1)
     end do
     began = omp_get_wtime()
-    call build_neighbour_list(x, y, sqrt(neighbours/(acos(-1.0_wp)*n)), list)
+    call build_neighbour_list(x, y, sqrt(neighbours/(pi*n)), list)
     call tell(omp_get_wtime() - began, real(size(list%index, kind=i8), wp)/n)
   end subroutine time_random
 
@@ -218,6 +228,60 @@ contains
     call tell(ended - began, real(size(conduction%laplacian%index, kind=i8), wp)/size(inside))
   end subroutine time_rows
 
+  !> Forward Euler with the longest stable step, as the shortest program does it.
+  subroutine time_five_point()
+    real(wp), parameter :: end_time = 0.05_wp
+    real(wp), allocatable :: u(:, :), next(:, :)
+    real(wp) :: began, ended, ratio, exact, missed, total
+    integer :: n, i, j, step, steps
+
+    read (line, *) command, n
+    began = omp_get_wtime()
+    allocate (u(0:n, 0:n), next(0:n, 0:n))
+    !$omp parallel do schedule(static) private(i)
+    do j = 0, n
+      do i = 0, n
+        u(i, j) = sin(pi*i/n)*sin(pi*j/n)
+        if (i == 0 .or. j == 0 .or. i == n .or. j == n) u(i, j) = 0
+        next(i, j) = u(i, j)
+      end do
+    end do
+    !$omp end parallel do
+    steps = 2*ceiling(2*end_time*n**2)
+    ratio = end_time/steps*n**2
+    do step = 1, steps/2
+      call five_point_step(u, next, n, ratio)
+      call five_point_step(next, u, n, ratio)
+    end do
+    ended = omp_get_wtime()
+    missed = 0
+    total = 0
+    do j = 1, n - 1
+      do i = 1, n - 1
+        exact = sin(pi*i/n)*sin(pi*j/n)*exp(-2*pi**2*end_time)
+        missed = missed + (u(i, j) - exact)**2
+        total = total + exact**2
+      end do
+    end do
+    call tell(ended - began, sqrt(missed/total))
+  end subroutine time_five_point
+
+  subroutine five_point_step(u, next, n, ratio)
+    integer, intent(in) :: n
+    real(wp), intent(in) :: u(0:n, 0:n), ratio
+    real(wp), intent(inout) :: next(0:n, 0:n)
+    integer :: i, j
+
+    !$omp parallel do schedule(static) private(i)
+    do j = 1, n - 1
+      do i = 1, n - 1
+        next(i, j) = u(i, j) + ratio*(u(i - 1, j) + u(i + 1, j) + u(i, j - 1) + u(i, j + 1) - &
+                                      4*u(i, j))
+      end do
+    end do
+    !$omp end parallel do
+  end subroutine five_point_step
+
   !> Of several sweeps the median one
   subroutine time_sweep(name)
     character(len=*), intent(in) :: name
@@ -228,8 +292,9 @@ contains
     entries = real(size(conduction%laplacian%index, kind=i8), wp)
     ! An index and a weight for each neighbour, and vectors: of a stage five sweeps (one of them
     ! read and written) and the particle's place, of a rate three
-    bytes = 12*entries + 28.0_wp*n
-    if (name == 'stage' .or. name == 'triad') bytes = 12*entries + 44.0_wp*n
+    bytes = 12*entries
+    if (conduction%single_weights) bytes = 8*entries
+    bytes = bytes + merge(44.0_wp, 28.0_wp, name == 'stage' .or. name == 'triad')*n
     if (name == 'triad') call reserve(nint(bytes/24))
     do repeat = 1, repeats
       began = omp_get_wtime()

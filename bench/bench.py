@@ -19,6 +19,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import traceback
 
 import numpy as np
 
@@ -148,6 +149,31 @@ def measure_schemes(bench, particles):
         program.close()
 
 
+def measure_peer_weights(bench, particles, folder):
+    """RBF-FD weights of the Laplacian with polyharmonic splines, searches included, and calor's rows
+    of the same order, searches included, on the same cloud."""
+    from rbf.pde.fd import weight_matrix
+
+    program = Program(bench, intervals_for(particles), 1)
+    path = os.path.join(folder, "cloud")
+    program.ask("write " + path)
+    points = np.fromfile(path).reshape(2, -1).T.copy()
+    inner = points[((points > 0) & (points < 1)).all(axis=1)]
+    for title, request, stencil, order in (
+            ("order 2", "rows fatehi_manzari 0 2.1", 12, 2),
+            ("order 4", "rows consistent 4 2.8", 30, 4)):
+        results = in_turn({
+            "calor": lambda: program.ask(request),
+            "RBF-FD": lambda: timed(lambda: weight_matrix(inner, points, stencil, [[2, 0], [0, 2]],
+                                                          phi="phs3" if order < 4 else "phs5",
+                                                          order=order)),
+        })
+        for name, (seconds, _) in results.items():
+            note("weights of others", f"{name}, {title}", len(inner), 1, stencil, "ns per particle",
+                 1e9 * seconds / len(inner), "ns")
+    program.close()
+
+
 def measure_steps(bench, sizes):
     """A stage, a right-hand side and products of others, with a triad over as many bytes."""
     from scipy.sparse import csr_matrix
@@ -166,7 +192,16 @@ def measure_steps(bench, sizes):
                     matrix, vector = read_matrix(program, csr_matrix)
                     measurements["scipy product"] = lambda: timed(lambda: matrix @ vector)
                 item = f"{rest[0] + 1:.0f} entries"
-                for name, (seconds, rest) in in_turn(measurements).items():
+                results = in_turn(measurements)
+                # The same with weights in single precision, MKL's product again beside it
+                program.ask("single")
+                again = in_turn({name: measurements[name] for name in ("triad", "stage", "product")
+                                 if name in measurements})
+                program.ask("double")
+                results.update({f"{name} (32-bit weights)" if name != "product" else
+                                "product (beside 32-bit weights)": value
+                                for name, value in again.items()})
+                for name, (seconds, rest) in results.items():
                     note("steps", f"{name}, {item}", program.particles, threads, item, "ns per particle",
                          1e9 * seconds / program.particles, "ns")
                     if rest:
@@ -244,11 +279,14 @@ RUNS = [  # laplacian, order, intervals, tolerance
 ]
 
 
-def run_calor(calor, folder, laplacian, order, intervals, tolerance):
-    scene = os.path.join(folder, f"{laplacian}_{order}_{intervals}.nml")
+def run_calor(calor, folder, laplacian, order, intervals, tolerance, arrangement="jittered"):
+    scene = os.path.join(folder, f"{arrangement}_{laplacian}_{order}_{intervals}.nml")
+    text = SCENE.format(spacing=1 / intervals, laplacian=laplacian, tolerance=tolerance,
+                        order=f"order = {order}" if order else "")
+    if arrangement == "lattice":
+        text = text.replace("arrangement = 'jittered' jitter = 0.2 seed = 1", "arrangement = 'lattice'")
     with open(scene, "w") as file:
-        file.write(SCENE.format(spacing=1 / intervals, laplacian=laplacian, tolerance=tolerance,
-                                order=f"order = {order}" if order else ""))
+        file.write(text)
     text = subprocess.run([calor, "run", scene], capture_output=True, text=True,
                           env=dict(os.environ, OMP_NUM_THREADS="2")).stdout
     wall = re.search(r"Wall time +([0-9.e+-]+) s", text)
@@ -327,19 +365,100 @@ def measure_runs(bench, calor, folder):
         note("runs", title, 0, 2, 0, "relative L2 error", rest[0], "")
 
 
+LATTICE_RUNS = [  # order, intervals, tolerance
+    (4, 24, 1e-6),
+    (6, 12, 1e-6),
+]
+FIVE_POINT = 403  # intervals with which the plain loop has an error of 1e-5
+
+
+def measure_lattice(bench, calor, folder, scale):
+    """The plate on a lattice, beside forward Euler in a plain loop over five points."""
+    intervals = max(20, round(FIVE_POINT * math.sqrt(scale)))
+    program = Program(bench, 20, 2)
+    measurements = {
+        f"calor lattice {order} 1/{number}": lambda a=("consistent", order, number, tolerance): run_calor(
+            calor, folder, *a, arrangement="lattice")
+        for order, number, tolerance in LATTICE_RUNS}
+    measurements[f"five-point loop 1/{intervals}"] = lambda: program.ask(f"five_point {intervals}")
+    for title, (seconds, rest) in in_turn(measurements).items():
+        note("lattice", title, 0, 2, 0, "seconds", seconds, "s")
+        note("lattice", title, 0, 2, 0, "relative L2 error", rest[0], "")
+    program.close()
+
+
+MOTION = """&domain shape = 'disc' radius = 1.0 spacing = {spacing} /
+&material conductivity = 0.002 /
+&scheme laplacian = '{laplacian}' {order} /
+&initial temperature_expression = 'exp(-((x-0.4)^2+y^2)/0.08)' /
+&boundary value = 0.0 /
+&motion velocity_x_expression = '-y*(1-x^2-y^2)' velocity_y_expression = 'x*(1-x^2-y^2)' /
+&time end = 1.0 /
+"""
+
+
+def measure_motion(calor, folder, scale):
+    """What moving particles cost: a disc that turns faster inside than outside."""
+    for laplacian, order in (("fatehi_manzari", ""), ("consistent", "order = 4")):
+        scene = os.path.join(folder, f"motion_{laplacian}.nml")
+        with open(scene, "w") as file:
+            file.write(MOTION.format(spacing=0.02 / math.sqrt(scale), laplacian=laplacian, order=order))
+        shares = {}
+        for _ in range(3):
+            text = subprocess.run([calor, "run", scene], capture_output=True, text=True,
+                                  env=dict(os.environ, OMP_NUM_THREADS="2")).stdout
+            steps = re.search(r"^Motion +(\d+) steps", text, re.MULTILINE)
+            for name in ("motion", "neighbour lists", "reassembly"):
+                share = re.search(rf"of the time of stepping.*\b{name} ([0-9.]+) %", text)
+                if share:
+                    shares.setdefault(name, []).append(float(share.group(1)))
+            made = re.search(r"rows made (\d+) times, lists of neighbours (\d+) times", text)
+        title = f"{laplacian} {order.replace('order = ', '')}".strip()
+        for name, values in shares.items():
+            note("motion", title, 0, 2, 0, name, statistics.median(values), "% of stepping")
+        if steps and made:
+            note("motion", title, 0, 2, 0, "steps", float(steps.group(1)), "")
+            note("motion", title, 0, 2, 0, "rows made", float(made.group(1)), "times")
+            note("motion", title, 0, 2, 0, "lists made", float(made.group(2)), "times")
+
+
+def resident(process, key):
+    """Bytes of a process in memory: VmRSS now, VmHWM at most."""
+    with open(f"/proc/{process.pid}/status") as file:
+        for line in file:
+            if line.startswith(key):
+                return 1024 * int(line.split()[1])
+    return 0
+
+
 def measure_memory(calor, folder, intervals):
-    """The most memory that a whole run takes, above that of a tiny one."""
-    most = []
+    """What a run holds in memory while it steps, and at most before, above a tiny one."""
+    held = []
     for number in (10, intervals):
         scene = os.path.join(folder, f"memory_{number}.nml")
         with open(scene, "w") as file:
             file.write(SCENE.format(spacing=1 / number, laplacian="fatehi_manzari", order="",
-                                    tolerance=1e-4).replace("end = 0.05", "end = 1e-6"))
-        child = subprocess.Popen([calor, "run", scene], stdout=subprocess.DEVNULL,
-                                 stderr=subprocess.DEVNULL)
-        most.append(1024 * os.wait4(child.pid, 0)[2].ru_maxrss)
-    note("memory", "calor run, fatehi_manzari, 12 neighbours", (intervals + 1) ** 2, 2, 12, "most",
-         (most[1] - most[0]) / (intervals + 1) ** 2, "bytes per particle")
+                                    tolerance="1e-9 method = 'rkl2'").replace(
+                                        "end = 0.05", "end = 0.05" if number > 10 else "end = 100.0"))
+        child = subprocess.Popen([calor, "run", scene], stdout=subprocess.PIPE,
+                                 stderr=subprocess.DEVNULL, text=True)
+        for line in child.stdout:  # the plan, after which steps begin
+            if line.startswith("Output"):
+                break
+        samples = []
+        while child.poll() is None and len(samples) < 20:
+            time.sleep(0.1)
+            try:
+                samples.append((resident(child, "VmRSS"), resident(child, "VmHWM")))
+            except OSError:
+                break
+        child.terminate()
+        child.communicate()
+        held.append([max(values) for values in zip(*samples)] if samples else [math.nan] * 2)
+    particles = (intervals + 1) ** 2
+    for place, name in enumerate(("while stepping", "at most, in set-up")):
+        note("memory", f"calor run, fatehi_manzari, {name}", particles, 2, 12.4, name,
+             (held[1][place] - held[0][place]) / particles, "bytes per particle")
 
 
 # --- What is written ----------------------------------------------------------------------------
@@ -385,19 +504,22 @@ def targets():
              row[1].startswith("stage") and row[5] == "ns per particle"]
     for row in steps:
         entries, particles = row[4], row[2]
-        mkl = found("steps", f"product, {entries}", "ns per particle", particles, 2)
-        triad = found("steps", f"triad, {entries}", "ns per particle", particles, 2)
-        lines.append((f"stage, {entries}, {particles} particles, 2 threads", "MKL's product alone",
+        kind = " (32-bit weights)" if "32-bit" in row[1] else ""
+        product = "product (beside 32-bit weights)" if kind else "product"
+        mkl = found("steps", f"{product}, {entries}", "ns per particle", particles, 2)
+        triad = found("steps", f"triad{kind}, {entries}", "ns per particle", particles, 2)
+        title = f"stage{kind}, {entries}, {particles} particles, 2 threads"
+        lines.append((title, "MKL's product alone",
                       f"{row[6]:.2f} ns, MKL {mkl:.2f} ns, {row[6] / mkl:.2f} of it",
                       verdict(row[6], mkl)))
-        lines.append((f"stage, {entries}, {particles} particles, 2 threads", "85 % of a triad",
+        lines.append((title, "85 % of a triad",
                       f"{100 * triad / row[6]:.0f} %", verdict(0.85, triad / row[6])))
     for name in ("fatehi_manzari", "consistent 4", "stage"):
         slope = exponent(name)
         lines.append((f"growth of {name}", "exponent 1.05", f"{slope:.2f}", verdict(slope, 1.05)))
-    for row in [row for row in table if row[0] == "memory" and row[1].startswith("calor")]:
+    for row in [row for row in table if row[0] == "memory" and row[5] == "while stepping"]:
         wanted = 48 + 12 * row[4]
-        lines.append((f"memory of {row[1]}", f"{wanted} bytes per particle", f"{row[6]:.0f}",
+        lines.append((f"memory of {row[1]}", f"{wanted:.0f} bytes per particle", f"{row[6]:.0f}",
                       verdict(row[6], wanted)))
     for limit, seconds in ((3e-4, 0.01), (1e-6, 0.04), (1e-8, 0.4)):
         best = {"calor": math.inf, "others": math.inf}
@@ -412,6 +534,15 @@ def targets():
             text += f", best peer {1000 * best['others']:.1f} ms"
         lines.append((f"plate to an error of {limit:g}, whole run", f"{1000 * seconds:g} ms", text,
                       verdict(best["calor"], seconds)))
+    loop = [row for row in table if row[0] == "lattice" and row[1].startswith("five")
+            and row[5] == "seconds"]
+    good = [row for row in table if row[0] == "lattice" and row[1].startswith("calor")
+            and row[5] == "seconds" and found("lattice", row[1], "relative L2 error") <= 1e-5]
+    if loop and good:
+        best = min(row[6] for row in good)
+        lines.append(("plate on a lattice to an error of 1e-5", "the five-point loop",
+                      f"{1000 * best:.1f} ms, the loop {1000 * loop[0][6]:.0f} ms, "
+                      f"{best / loop[0][6]:.3f} of it", verdict(best, loop[0][6])))
     return lines
 
 
@@ -454,6 +585,18 @@ def markdown():
         if row[0] == "runs" and row[5] == "seconds":
             error = found("runs", row[1], "relative L2 error")
             text.append(f"| {row[1]} | {error:.1e} | {1000 * row[6]:.1f} |")
+    text += ["", "## The plate on a lattice, 2 threads", "", "| | relative L2 error | ms |",
+             "|---|---|---|"]
+    for row in table:
+        if row[0] == "lattice" and row[5] == "seconds":
+            error = found("lattice", row[1], "relative L2 error")
+            text.append(f"| {row[1]} | {error:.1e} | {1000 * row[6]:.1f} |")
+    text += ["", "## Weights beside those of RBF-FD, searches included, 1 thread", "",
+             "| | neighbours | µs per particle |", "|---|---|---|"]
+    text += [f"| {r[1]} | {r[4]} | {r[6] / 1000:.2f} |" for r in table if r[0] == "weights of others"]
+    text += ["", "## Moving particles: a disc that turns faster inside than outside", "",
+             "| | what | |", "|---|---|---|"]
+    text += [f"| {r[1]} | {r[5]} | {r[6]:.3g} {r[7]} |" for r in table if r[0] == "motion"]
     text += ["", "## Memory", "", "| | particles | bytes per particle |", "|---|---|---|"]
     text += [f"| {r[1]} | {r[2]} | {r[6]:.0f} |" for r in table if r[0] == "memory"]
     return "\n".join(text) + "\n"
@@ -485,26 +628,37 @@ def draw(folder):
 
 def main():
     bench, calor, output = (os.path.abspath(path) for path in sys.argv[1:4])
+    os.environ.setdefault("GOMP_SPINCOUNT", "1000")  # as calor itself has it
     scale = float(sys.argv[4]) if len(sys.argv) > 4 else 1.0
     os.makedirs(output, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
         parts = {
             "lists": lambda: measure_lists(bench, round(1e6 * scale)),
-            "schemes": lambda: measure_schemes(bench, round(1e5 * scale)),
+            "schemes": lambda: measure_schemes(bench, round(4e4 * scale)),
+            "weights of others": lambda: measure_peer_weights(bench, round(1e4 * scale), folder),
             "steps": lambda: measure_steps(bench, [round(1e6 * scale), round(4e6 * scale)]),
             "growth": lambda: measure_growth(
                 bench, [max(1000, round(n * scale)) for n in (1e4, 1e5, 1e6, 4e6)]),
             "runs": lambda: measure_runs(bench, calor, folder),
-            "memory": lambda: measure_memory(calor, folder, intervals_for(2e5 * scale)),
+            "lattice": lambda: measure_lattice(bench, calor, folder, scale),
+            "motion": lambda: measure_motion(calor, folder, scale),
+            "memory": lambda: measure_memory(calor, folder, intervals_for(2.5e5 * scale)),
         }
+        failed = []
         for name, part in parts.items():
             begin = time.perf_counter()
-            part()
+            try:
+                part()
+            except Exception:  # what else can be measured is
+                traceback.print_exc()
+                failed.append(name)
             print(f"bench: {name} took {time.perf_counter() - begin:.0f} s", flush=True)
             write_csv(os.path.join(output, "speed.csv"))
     with open(os.path.join(output, "speed.md"), "w") as file:
         file.write(markdown())
     draw(output)
+    if failed:
+        sys.exit("bench: failed: " + ", ".join(failed))
 
 
 if __name__ == "__main__":

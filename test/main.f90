@@ -17,6 +17,7 @@ program main
   use test_expression, only: collect_expression
   use test_scene_contract, only: collect_scene_contract
   use test_scene_file, only: collect_scene_file
+  use test_checkpoint, only: collect_checkpoint
   use test_cloud_file, only: collect_cloud_file
   use test_field_file, only: collect_field_file
   use test_gnuplot, only: collect_gnuplot
@@ -53,6 +54,7 @@ program main
            new_testsuite('scene contract', collect_scene_contract), &
            new_testsuite('field file', collect_field_file), &
            new_testsuite('gnuplot', collect_gnuplot), &
+           new_testsuite('checkpoint', collect_checkpoint), &
            new_testsuite('cloud file', collect_cloud_file), &
            new_testsuite('operators', collect_operators), &
            new_testsuite('row layouts', collect_row_layouts), &

@@ -1,5 +1,6 @@
 !> Tests of `calor_cloud_file`.
 module test_cloud_file
+  use, intrinsic :: iso_c_binding, only: c_loc
   use, intrinsic :: iso_fortran_env, only: int8
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use calor_cloud, only: cloud_t
@@ -8,6 +9,9 @@ module test_cloud_file
   use calor_field_file, only: field_file_t
   use calor_kinds, only: wp, i8
   use calor_text, only: text_t, to_text
+  use hdf5, only: hid_t, hsize_t, h5dclose_f, h5dcreate_f, h5dopen_f, h5dwrite_f, h5fclose_f, &
+                  h5fopen_f, h5f_acc_rdwr_f, h5ldelete_f, h5sclose_f, h5screate_simple_f, &
+                  h5t_native_double, h5t_native_integer
   use testdrive, only: new_unittest, unittest_type, error_type, check, test_failed
   implicit none (type, external)
   private
@@ -173,7 +177,7 @@ contains
                                                '123456789012345', '1234567890123456', &
                                                '9007199254740993', '0.1', '0.30000000000000004', &
                                                '2.2250738585072014e-308', '4.9e-324', '1e-400', &
-                                               '1.7976931348623157e308', '8.5e-21', &
+                                               '1.7976931348623157e29', '8.5e-21', &
                                                '0.000000000000000000000001234', &
                                                '000000000000000000012.5', &
                                                '3.14159265358979323846264338', &
@@ -283,6 +287,13 @@ contains
     call check_csv_trouble(error, header//'1,1e999,3,0', &
                            [character(40) :: 'line 2', 'column ''y''', 'not a finite number'])
     if (allocated(error)) return
+    call check_csv_trouble(error, header//'1e308,2,3,0', &
+                           [character(40) :: 'line 2', 'column ''x''', '''1e308'' is larger than', &
+                            '1e30', 'in metres'])
+    if (allocated(error)) return
+    call check_csv_trouble(error, header//'1,2,1e-70,0', &
+                           [character(40) :: 'line 2', 'column ''volume''', '''1e-70'''])
+    if (allocated(error)) return
     call check_csv_trouble(error, header//'1,2,0,0', &
                            [character(40) :: 'line 2', 'column ''volume''', 'greater than 0'])
     if (allocated(error)) return
@@ -383,6 +394,16 @@ contains
     call check_trouble(error, vtkhdf, [character(40) :: 'Points', 'particle 2', &
                                        'not a finite number'])
     if (allocated(error)) return
+    call write_vtkhdf([1.0_wp, -1.0e31_wp])
+    call check_trouble(error, vtkhdf, [character(40) :: 'Points', 'particle 2', '1e31', '1e30'])
+    if (allocated(error)) return
+    call write_vtkhdf([1.0_wp, 2.0_wp], wall=[1, 0], claimed=2000000000)
+    call check_trouble(error, vtkhdf, [character(40) :: 'Points', '2000000000 rows', &
+                                       'not complete'])
+    if (allocated(error)) return
+    call write_vtkhdf([1.0_wp, 2.0_wp], wall=[1, 0], claimed=-1)
+    call check_trouble(error, vtkhdf, [character(40) :: 'NumberOfPoints', 'no number of'])
+    if (allocated(error)) return
     call write_vtkhdf(none)
     call check_trouble(error, vtkhdf, [character(40) :: 'no particles'])
     if (allocated(error)) return
@@ -429,11 +450,13 @@ contains
   ! ---------------------------------------------------------------------------------------------
 
   !> Write a VTKHDF file of particles on a line, with some point data.
-  subroutine write_vtkhdf(x, volume, wall, vector_volume)
+  subroutine write_vtkhdf(x, volume, wall, vector_volume, claimed)
     real(wp), intent(in) :: x(:)
     real(wp), intent(in), optional, contiguous :: volume(:)
     integer, intent(in), optional, contiguous :: wall(:)
     logical, intent(in), optional :: vector_volume
+    !> The number of particles that the file says it has, where that is not the truth
+    integer, intent(in), optional :: claimed
     type(field_file_t) :: file
     type(error_t), allocatable :: trouble
 
@@ -445,7 +468,28 @@ contains
       call file%write_field('volume', x, x, trouble)
     end if
     call file%close(trouble)
+    if (present(claimed)) call claim(claimed)
   end subroutine write_vtkhdf
+
+  !> Have the file say that it has more particles than were written.
+  subroutine claim(particles)
+    integer, intent(in) :: particles
+    integer(hid_t) :: file_id, dataset, space
+    integer, target :: number(1)
+    integer :: status
+
+    number = particles
+    call h5fopen_f(vtkhdf, h5f_acc_rdwr_f, file_id, status)
+    call h5dopen_f(file_id, '/VTKHDF/NumberOfPoints', dataset, status)
+    call h5dwrite_f(dataset, h5t_native_integer, c_loc(number), status)
+    call h5dclose_f(dataset, status)
+    call h5ldelete_f(file_id, '/VTKHDF/Points', status)
+    call h5screate_simple_f(2, int([3, max(2, particles)], hsize_t), space, status)
+    call h5dcreate_f(file_id, '/VTKHDF/Points', h5t_native_double, space, dataset, status)
+    call h5dclose_f(dataset, status)
+    call h5sclose_f(space, status)
+    call h5fclose_f(file_id, status)
+  end subroutine claim
 
   subroutine write_file(path, content)
     character(len=*), intent(in) :: path, content

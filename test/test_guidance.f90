@@ -187,13 +187,21 @@ contains
   subroutine test_progress_line(error)
     type(error_type), allocatable, intent(out) :: error
 
-    call check(error, progress_line(0.5_wp, 2.0_wp, 120, 10.0_wp, 1.0e-6_wp, 8), &
+    call check(error, progress_line(0.5_wp, 2.0_wp, 120, 10.0_wp, 1.0e-6_wp, -1.0_wp, 71), &
                '[##......] 25 %  t = 0.5 s  12 steps/s  30 s left  step errors 1e-6 K')
     if (allocated(error)) return
-    call check(error, progress_line(2.0_wp, 2.0_wp, 120, 10.0_wp, 0.0_wp, 0), &
+    call check(error, progress_line(0.5_wp, 2.0_wp, 120, 10.0_wp, 1.0e-6_wp, 1.25e-3_wp, 99), &
+               '[#####...............] 25 %  t = 0.5 s  12 steps/s  30 s left  error 0.0013')
+    if (allocated(error)) return
+    ! Where there is no room for a bar, the figures remain.
+    call check(error, progress_line(0.5_wp, 2.0_wp, 120, 10.0_wp, 1.0e-6_wp, -1.0_wp, 64), &
+               '25 %  t = 0.5 s  12 steps/s  30 s left  step errors 1e-6 K')
+    if (allocated(error)) return
+    call check(error, progress_line(2.0_wp, 2.0_wp, 120, 10.0_wp, 0.0_wp, -1.0_wp, 0), &
                '100 %  t = 2 s  step 120  12 steps/s')
     if (allocated(error)) return
-    call check(error, progress_line(0.0_wp, 2.0_wp, 0, 0.0_wp, 0.0_wp, 0), '0 %  t = 0 s  step 0')
+    call check(error, progress_line(0.0_wp, 2.0_wp, 0, 0.0_wp, 0.0_wp, -1.0_wp, 0), &
+               '0 %  t = 0 s  step 0')
     if (allocated(error)) return
     call check(error, duration_text(200.0_wp), '3 min 20 s')
     if (allocated(error)) return

@@ -75,7 +75,11 @@ contains
                 new_unittest('a thousand times the explicit limit', test_long_step), &
                 new_unittest('all methods agree in a scene', test_agreement), &
                 new_unittest('iteration and factors in a scene', test_iterative_scene), &
+                new_unittest('a scene without memory for factors', test_little_memory), &
+                new_unittest('no heat is lost by implicit steps', test_conservation), &
                 new_unittest('the cheapest method is taken', test_choice), &
+                new_unittest('steps of a problem that changes are foreseen as equal', &
+                             test_changing), &
                 new_unittest('steps and products are foreseen within a factor of 1.5', &
                              test_foresight), &
                 new_unittest('what a method does not take is refused', test_refused_scenes) &
@@ -781,6 +785,109 @@ contains
     call check(error, maxval(abs(next - direct)) < 1.0e-10_wp)
   end subroutine test_iterative_scene
 
+  !> A whole run, where factors may take a thousand bytes: BiCGSTAB takes over, and gives the same.
+  subroutine test_little_memory(error)
+    use calor_tr_bdf2, only: tr_bdf2_t
+    type(error_type), allocatable, intent(out) :: error
+    type(simulation_t) :: simulation, direct
+    type(error_t), allocatable :: failure
+    character(len=*), parameter :: time = 'end = 0.05 tolerance = 1e-7 method = ''tr_bdf2'''
+    character(len=*), parameter :: scheme = 'laplacian = ''consistent'' order = 4'
+
+    call prepare_scene(scheme, time, direct, error)
+    if (allocated(error)) return
+    call direct%run(failure)
+    call prepare_scene(scheme, time, simulation, error)
+    if (allocated(error)) return
+    call make_integrator('tr_bdf2', simulation%stepper%integrator, failure)
+    select type (integrator => simulation%stepper%integrator)
+    type is (tr_bdf2_t)
+      integrator%tolerance = direct%stepper%integrator%tolerance
+      integrator%system%most_bytes = 1000
+    end select
+    call simulation%run(failure)
+    call check(error, .not. allocated(failure))
+    if (allocated(error)) return
+    select type (integrator => simulation%stepper%integrator)
+    type is (tr_bdf2_t)
+      call check(error, integrator%system%iterative .and. integrator%system%iterations > 0)
+    end select
+    if (allocated(error)) return
+    ! Iterations end at 0.002 of the tolerance of a step.
+    call check(error, maxval(abs(simulation%temperature - direct%temperature)) < &
+               1.0e-7_wp*direct%stepper%steps)
+  end subroutine test_little_memory
+
+  !> All insulated: what a source brings is what the body gains, however long the steps.
+  subroutine test_conservation(error)
+    use calor_heat_budget, only: budget_entry_t
+    type(error_type), allocatable, intent(out) :: error
+    type(simulation_t) :: simulation
+    type(error_t), allocatable :: failure
+    type(scene_t) :: scene
+    type(budget_entry_t) :: before, after
+    real(wp), parameter :: duration = 0.3_wp
+    character(len=*), parameter :: methods(2) = [character(len=11) :: 'tr_bdf2', 'exponential']
+    integer :: k
+
+    do k = 1, size(methods)
+      call interpret_scene( &
+        '&domain x_range = 0, 1 y_range = 0, 1 spacing = 0.0833333333333 arrangement = '// &
+        '''jittered'' jitter = 0.2 / &boundary kind = ''insulated'' / &initial temperature = 1 / '// &
+        '&source power = 12 where_expression = ''x < 0.5'' / '// &
+        '&time end = 0.3 tolerance = 1e-10 method = '''//trim(methods(k))//''' /', scene, failure)
+      if (.not. allocated(failure)) call simulation%prepare(scene, failure)
+      if (allocated(failure)) call test_failed(error, failure%message)
+      if (allocated(error)) return
+      call simulation%budget%close_exactly(simulation%conduction)
+      call check(error, simulation%budget%conservative)
+      if (allocated(error)) return
+      call simulation%budget%evaluate(simulation%conduction, 0.0_wp, simulation%temperature, before)
+      call simulation%run(failure)
+      call check(error, .not. allocated(failure))
+      if (allocated(error)) return
+      call simulation%budget%evaluate(simulation%conduction, duration, simulation%temperature, after)
+      ! The series of the exponential ends at a part of the tolerance; and rounding of some thousand
+      ! operations in each step
+      call check(error, after%stored - before%stored, sum(before%power)*duration, &
+                 thr=1.0e-9_wp, rel=.true., more=trim(methods(k)))
+      if (allocated(error)) return
+    end do
+  end subroutine test_conservation
+
+  !> Where walls change with time, steps do not grow; for one that swings, the number taken is that
+  !> of the first steps' length within a factor of 3, as its rate of change varies.
+  subroutine test_changing(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(simulation_t) :: simulation
+    type(error_t), allocatable :: failure
+    type(problem_t) :: problem
+    type(pilot_t) :: pilot
+    real(wp) :: foreseen, taken
+
+    pilot%steps = 12
+    pilot%time = 0.1_wp
+    pilot%step = 0.01_wp
+    pilot%age = 0.0_wp
+    problem%duration = 1.1_wp
+    problem%changing = .true.
+    call check(error, steps_ahead(problem, pilot), 112.0_wp, thr=1.0e-9_wp)
+    if (allocated(error)) return
+    call prepare_scene('laplacian = ''fatehi_manzari''', 'end = 2 method = ''rkl2''', simulation, &
+                       error, '&boundary on = ''left'' kind = ''temperature'' value_expression = '// &
+                       '''sin(20*t)'' /')
+    if (allocated(error)) return
+    problem%spectral_radius = simulation%stepper%spectral_radius
+    problem%duration = 2
+    problem%changing = .true.
+    call run_pilot(problem, simulation%conduction, simulation%stepper, simulation%temperature, pilot)
+    foreseen = steps_ahead(problem, pilot)
+    call simulation%run(failure)
+    taken = simulation%stepper%steps
+    call check(error, foreseen < 3*taken .and. taken < 3*foreseen, to_text(foreseen, digits=4)// &
+               ' steps foreseen, '//to_text(taken)//' taken')
+  end subroutine test_changing
+
   subroutine force_iteration(integrator)
     use calor_tr_bdf2, only: tr_bdf2_t
     class(integrator_t), intent(inout) :: integrator
@@ -835,8 +942,8 @@ contains
   subroutine rate(this, time, u, du)
     class(chain_t), intent(inout) :: this
     real(wp), intent(in) :: time
-    real(wp), intent(in) :: u(:)
-    real(wp), intent(out) :: du(:)
+    real(wp), intent(in), contiguous :: u(:)
+    real(wp), intent(out), contiguous :: du(:)
     real(wp), allocatable :: slope(:)
 
     call move_alloc(this%slope, slope)
@@ -853,8 +960,8 @@ contains
 
   subroutine jacobian_product(this, v, product)
     class(chain_t), intent(inout) :: this
-    real(wp), intent(in) :: v(:)
-    real(wp), intent(out) :: product(:)
+    real(wp), intent(in), contiguous :: v(:)
+    real(wp), intent(out), contiguous :: product(:)
 
     product = -2*this%stiffness*v
     product(2:) = product(2:) + (1 + this%skew)*this%stiffness/(1 + abs(this%skew))*v(:this%n - 1)
@@ -867,14 +974,14 @@ contains
   subroutine impose(this, time, u)
     class(chain_t), intent(inout) :: this
     real(wp), intent(in) :: time
-    real(wp), intent(inout) :: u(:)
+    real(wp), intent(inout), contiguous :: u(:)
 
     if (this%held) u(1) = sin(time)
   end subroutine impose
 
   subroutine clear_prescribed(this, v)
     class(chain_t), intent(in) :: this
-    real(wp), intent(inout) :: v(:)
+    real(wp), intent(inout), contiguous :: v(:)
 
     if (this%held) v(1) = 0
   end subroutine clear_prescribed
@@ -882,7 +989,7 @@ contains
   subroutine inspect(this, time, u, error)
     class(chain_t), intent(inout) :: this
     real(wp), intent(in) :: time
-    real(wp), intent(in) :: u(:)
+    real(wp), intent(in), contiguous :: u(:)
     type(error_t), allocatable, intent(out) :: error
 
     associate (unused => this, also => time, and => u)
@@ -892,7 +999,7 @@ contains
   subroutine linearise(this, time, u)
     class(chain_t), intent(inout) :: this
     real(wp), intent(in) :: time
-    real(wp), intent(in) :: u(:)
+    real(wp), intent(in), contiguous :: u(:)
 
     associate (unused => time)
     end associate

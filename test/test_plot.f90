@@ -2,6 +2,8 @@
 module test_plot
   use, intrinsic :: iso_fortran_env, only: error_unit
   use calor_constants, only: pi
+  use calor_error, only: error_t
+  use calor_field_file, only: field_file_t
   use calor_field_map, only: field_map_t, make_field_map
   use calor_isolines, only: find_isolines, even_levels
   use calor_kinds, only: wp, i8
@@ -23,6 +25,7 @@ contains
     testsuite = [ &
                 new_unittest('a map reproduces quadratic fields', test_quadratic), &
                 new_unittest('a map ends at the body', test_clipping), &
+                new_unittest('a map reaches into corners', test_corners), &
                 new_unittest('a map does not ring at a jump', test_jump), &
                 new_unittest('lines of equal value', test_isolines), &
                 new_unittest('levels are round numbers', test_levels), &
@@ -30,6 +33,7 @@ contains
                 new_unittest('pictures of operators', test_operator_pictures), &
                 new_unittest('pictures of tables', test_table_pictures), &
                 new_unittest('what cannot be drawn', test_refusals), &
+                new_unittest('damaged files', test_damaged), &
                 new_unittest('without gnuplot', test_no_gnuplot) &
                 ]
   end subroutine collect_plot
@@ -127,6 +131,22 @@ contains
     end do
     call check(error, wrong, 0)
   end subroutine test_clipping
+
+  !> The particle within, on the diagonal, is far away, so that the two beside the corner are nearer
+  !> to each other than a spacing allows that is taken from it.
+  subroutine test_corners(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(field_map_t) :: map
+    real(wp), allocatable :: x(:), y(:)
+    logical, allocatable :: wall(:)
+    integer, parameter :: n = 10
+
+    call make_square(n, x, y, wall)
+    x(n + 3) = 1.2_wp/n
+    y(n + 3) = 1.2_wp/n
+    call make_field_map(x, y, 1.0_wp/n, 100, wall, map)
+    call check(error, count(.not. map%inside), 0)
+  end subroutine test_corners
 
   subroutine test_jump(error)
     type(error_type), allocatable, intent(out) :: error
@@ -359,6 +379,47 @@ contains
     end subroutine refuse
 
   end subroutine test_refusals
+
+  !> Files that say what no run writes are refused before anything is drawn.
+  subroutine test_damaged(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(outcome_t) :: outcome
+
+    call start_over()
+    call write_fields([0.0_wp, 1.0_wp, 1.0e31_wp], [0.0_wp, 1.0_wp, 2.0_wp])
+    call calor('plot file.vtkhdf', outcome)
+    call expect(error, outcome, 2, 'file.vtkhdf|damaged')
+    if (allocated(error)) return
+    call write_fields([0.0_wp, 1.0_wp, 2.0_wp], [0.0_wp, 1.0e300_wp, 2.0_wp])
+    call calor('plot file.vtkhdf', outcome)
+    call expect(error, outcome, 2, 'has no value at some particles|--field')
+    if (allocated(error)) return
+    call write_fields([1.0_wp, 1.0_wp, 1.0_wp], [0.0_wp, 1.0_wp, 2.0_wp])
+    call calor('plot file.vtkhdf', outcome)
+    call expect(error, outcome, 2, 'at one place')
+    if (allocated(error)) return
+    call write_fields([0.0_wp, 1.0_wp, 2.0_wp])
+    call calor('plot file.vtkhdf', outcome)
+    call expect(error, outcome, 2, 'no field that can be drawn by itself|volume|--field')
+
+  contains
+
+    !> A file of three particles, with a temperature or with volumes alone
+    subroutine write_fields(x, temperature)
+      real(wp), intent(in) :: x(3)
+      real(wp), intent(in), optional :: temperature(3)
+      type(field_file_t) :: file
+      type(error_t), allocatable :: trouble
+
+      call file%create(folder//'file.vtkhdf', x, 0.0_wp*[1.0_wp, 2.0_wp, 3.0_wp], trouble)
+      call file%add_static('volume', [1.0_wp, 1.0_wp, 1.0_wp], trouble)
+      call file%begin_step(0.0_wp, trouble)
+      if (present(temperature)) call file%write_field('temperature', temperature, trouble)
+      call file%set_attribute('title', 'three', trouble)
+      call file%close(trouble)
+    end subroutine write_fields
+
+  end subroutine test_damaged
 
   subroutine test_no_gnuplot(error)
     type(error_type), allocatable, intent(out) :: error

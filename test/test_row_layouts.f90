@@ -5,7 +5,7 @@ module test_row_layouts
   use calor_evolution, only: rate_in_parts, jacobian_in_parts
   use calor_kernel, only: kernel_t
   use calor_kernels, only: make_kernel
-  use calor_kinds, only: wp, ip, i8
+  use calor_kinds, only: wp, sp, ip, i8
   use calor_cloud, only: cloud_t
   use calor_laplacian_consistent, only: consistent_t, natural_support
   use calor_laplacian_fatehi_manzari, only: fatehi_manzari_t
@@ -15,6 +15,9 @@ module test_row_layouts
   use calor_rectangle_cloud, only: make_rectangle
   use calor_row_collection, only: row_collection_t
   use calor_row_report, only: row_report_t
+  use calor_scene, only: scene_t
+  use calor_scene_reader, only: interpret_scene
+  use calor_simulation, only: simulation_t
   use calor_sparse_operator, only: sparse_operator_t
   use calor_stencil, only: stencil_t
   use calor_streamed_rows, only: streamed_rows_t
@@ -37,7 +40,10 @@ contains
                 new_unittest('streamed rows leave constants steady to the last bit', &
                              test_constants), &
                 new_unittest('rows with a diagonal of their own are not streamed', test_refused), &
-                new_unittest('a stage in one sweep is the stage in parts', test_stage) &
+                new_unittest('a stage in one sweep is the stage in parts', test_stage), &
+                new_unittest('weights in single precision round each weight once', test_short), &
+                new_unittest('single precision in scenes of any size', test_short_scene), &
+                new_unittest('steps need the streamed rows alone', test_lean) &
                 ]
   end subroutine collect_row_layouts
 
@@ -305,5 +311,109 @@ contains
     call rate_in_parts(conduction, 0.0_wp, c, newer, start, rate, parts, work)
     call check(error, maxval(abs(fused - parts)) < rounding)
   end subroutine test_stage
+
+  !> What rounding a weight to 24 bits makes of sums, and no more; in units of any size.
+  subroutine test_short(error)
+    type(test_error), allocatable, intent(out) :: error
+    type(sparse_operator_t) :: operator
+    type(streamed_rows_t) :: double, single
+    real(wp) :: u(101), expected(101), found(101), other(101), bound(101)
+    integer :: k, row
+
+    call make_operator(operator)
+    do k = 1, 101
+      u(k) = random_uniform(3, int(k, i8))
+    end do
+    bound = 0
+    do row = 1, operator%rows()
+      associate (from => operator%first(row), to => operator%first(row + 1) - 1, &
+                 i => operator%target(row))
+        bound(i) = epsilon(1.0_sp)/2*sum(abs(operator%weight(from:to)*(u(operator%index(from:to)) - &
+                                                                         u(i))))
+      end associate
+    end do
+    call double%lay_out(operator, 101)
+    call single%lay_out(operator, 101, single=.true.)
+    call check(error, single%stands_for(operator) .and. single%bytes() < double%bytes())
+    if (allocated(error)) return
+    call double%apply(1.0_wp, u, expected)
+    call single%apply(1.0_wp, u, found)
+    call check(error, all(abs(found - expected) <= bound*1.000001_wp))
+    if (allocated(error)) return
+    call check(error, any(abs(found - expected) > 0.1_wp*bound))
+    if (allocated(error)) return
+    ! Powers of 2 change nothing.
+    do k = -1, 1, 2
+      operator%weight = operator%weight*2.0_wp**(300*k)
+      operator%diagonal = operator%diagonal*2.0_wp**(300*k)
+      call single%lay_out(operator, 101, single=.true.)
+      call single%apply(2.0_wp**(-300*k), u, other)
+      call check(error, all(abs(other - found) <= 0.0_wp))
+      if (allocated(error)) return
+      operator%weight = operator%weight*2.0_wp**(-300*k)
+      operator%diagonal = operator%diagonal*2.0_wp**(-300*k)
+    end do
+    u = 1/3.0_wp
+    call single%apply(1.0_wp, u, found)
+    call check(error, maxval(abs(found)), 0.0_wp)
+  end subroutine test_short
+
+  !> A scene's temperatures with weights of 24 bits differ by about as much: the errors of a row are
+  !> those of its second derivative, and random.
+  subroutine test_short_scene(error)
+    type(test_error), allocatable, intent(out) :: error
+    type(simulation_t) :: double, single
+    real(wp) :: deviation
+
+    call run_scene('&scheme laplacian = "consistent" order = 4 / ', double, error)
+    if (allocated(error)) return
+    call run_scene('&scheme laplacian = "consistent" order = 4 single_weights = T / ', single, error)
+    if (allocated(error)) return
+    deviation = maxval(abs(single%temperature - double%temperature))
+    call check(error, deviation > 0 .and. deviation < epsilon(1.0_sp))
+  end subroutine test_short_scene
+
+  !> A run that frees the assembled rows gives the same to the last bit; implicit steps keep them.
+  subroutine test_lean(error)
+    type(test_error), allocatable, intent(out) :: error
+    type(simulation_t) :: usual, lean
+
+    call run_scene('', usual, error)
+    if (allocated(error)) return
+    call run_scene('', lean, error, lean=.true.)
+    if (allocated(error)) return
+    call check(error, all(abs(usual%temperature - lean%temperature) <= 0.0_wp))
+    if (allocated(error)) return
+    call check(error, allocated(usual%conduction%laplacian%weight) .and. &
+               .not. allocated(lean%conduction%laplacian%weight))
+    if (allocated(error)) return
+    call check(error, lean%conduction%laplacian%rows(), usual%conduction%laplacian%rows())
+    if (allocated(error)) return
+    call run_scene('', lean, error, lean=.true., method='tr_bdf2')
+    if (allocated(error)) return
+    call check(error, allocated(lean%conduction%laplacian%weight))
+  end subroutine test_lean
+
+  !> The plate, 12 intervals to an edge
+  subroutine run_scene(more, simulation, error, lean, method)
+    character(len=*), intent(in) :: more
+    type(simulation_t), intent(out) :: simulation
+    type(test_error), allocatable, intent(out) :: error
+    logical, intent(in), optional :: lean
+    character(len=*), intent(in), optional :: method
+    type(scene_t) :: scene
+    type(error_t), allocatable :: failure
+    character(len=:), allocatable :: name
+
+    name = 'rkl2'
+    if (present(method)) name = method
+    call interpret_scene('&domain x_range = 0, 1 y_range = 0, 1 arrangement = "jittered" '// &
+                         'spacing = 0.0833333333333 jitter = 0.2 / &time end = 0.05 method = "'// &
+                         name//'" / &initial temperature_expression = "sin(pi*x)*sin(pi*y)" / '// &
+                         '&boundary value = 0 / '//more, scene, failure)
+    if (.not. allocated(failure)) call simulation%prepare(scene, failure)
+    if (.not. allocated(failure)) call simulation%run(failure, lean=lean)
+    if (allocated(failure)) call check(error, .false., failure%message)
+  end subroutine run_scene
 
 end module test_row_layouts

@@ -45,7 +45,6 @@ contains
                 new_unittest('wrong types', test_types), &
                 new_unittest('repeated groups', test_repeated), &
                 new_unittest('number and expression', test_companions), &
-                new_unittest('groups for later', test_later_groups), &
                 new_unittest('keys of materials', test_material_keys), &
                 new_unittest('help', test_help), &
                 new_unittest('mutated scenes', test_mutations) &
@@ -163,14 +162,6 @@ contains
                 '&initial temperature = 1: there is temperature_expression too, in line 1', error)
   end subroutine test_companions
 
-  subroutine test_later_groups(error)
-    type(error_type), allocatable, intent(out) :: error
-
-    call refuse('&time end = 1 /'//lf//'&checkpoint file = ''a'' /', 'a.nml, line 2: '// &
-                '&checkpoint: this group is part of the scene format, but this version of '// &
-                'calor cannot write checkpoints yet; remove the group.', error)
-  end subroutine test_later_groups
-
   subroutine test_material_keys(error)
     type(error_type), allocatable, intent(out) :: error
     character(len=*), parameter :: keys(*) = [character(len=40) :: &
@@ -198,7 +189,7 @@ contains
     call check(error, index(help, 'spacing = ') == 0 .and. index(help, 'seed') == 0, help)
     if (allocated(error)) return
     help = contract_help('checkpoint')
-    call check(error, index(help, 'time between two, s (not yet)') > 0, help)
+    call check(error, index(help, 'simulated time between two, s') > 0, help)
     if (allocated(error)) return
     help = contract_help()
     call check(error, index(help, '&boundary') > 0 .and. index(help, '&cost') > 0, help)

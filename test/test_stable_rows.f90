@@ -349,8 +349,8 @@ contains
   subroutine rate(this, time, u, du)
     class(modes_t), intent(inout) :: this
     real(wp), intent(in) :: time
-    real(wp), intent(in) :: u(:)
-    real(wp), intent(out) :: du(:)
+    real(wp), intent(in), contiguous :: u(:)
+    real(wp), intent(out), contiguous :: du(:)
 
     associate (unused => time)
     end associate
@@ -359,8 +359,8 @@ contains
 
   subroutine jacobian_product(this, v, product)
     class(modes_t), intent(inout) :: this
-    real(wp), intent(in) :: v(:)
-    real(wp), intent(out) :: product(:)
+    real(wp), intent(in), contiguous :: v(:)
+    real(wp), intent(out), contiguous :: product(:)
 
     product(1::2) = this%a*v(1::2) + this%b*v(2::2)
     product(2::2) = this%a*v(2::2) - this%b*v(1::2)
@@ -369,7 +369,7 @@ contains
   subroutine impose(this, time, u)
     class(modes_t), intent(inout) :: this
     real(wp), intent(in) :: time
-    real(wp), intent(inout) :: u(:)
+    real(wp), intent(inout), contiguous :: u(:)
 
     associate (unused => this, unused_time => time, unused_state => u)
     end associate
@@ -377,7 +377,7 @@ contains
 
   subroutine clear_prescribed(this, v)
     class(modes_t), intent(in) :: this
-    real(wp), intent(inout) :: v(:)
+    real(wp), intent(inout), contiguous :: v(:)
 
     associate (unused => this, unused_vector => v)
     end associate
@@ -386,7 +386,7 @@ contains
   subroutine inspect(this, time, u, error)
     class(modes_t), intent(inout) :: this
     real(wp), intent(in) :: time
-    real(wp), intent(in) :: u(:)
+    real(wp), intent(in), contiguous :: u(:)
     type(error_t), allocatable, intent(out) :: error
 
     associate (unused => this, unused_time => time, unused_state => u)

@@ -100,7 +100,7 @@ contains
     type(decay_t), intent(inout) :: decay
     integer, intent(in) :: steps
     real(wp), intent(in) :: end_time, radius
-    real(wp), intent(inout) :: u(:)
+    real(wp), intent(inout), contiguous :: u(:)
     class(integrator_t), allocatable :: integrator
     type(error_t), allocatable :: failure
     real(wp) :: next(size(u)), estimate, step
@@ -300,8 +300,8 @@ contains
   subroutine rate(this, time, u, du)
     class(decay_t), intent(inout) :: this
     real(wp), intent(in) :: time
-    real(wp), intent(in) :: u(:)
-    real(wp), intent(out) :: du(:)
+    real(wp), intent(in), contiguous :: u(:)
+    real(wp), intent(out), contiguous :: du(:)
 
     du = this%lambda*(u - this%forcing*sin(time)) + this%forcing*cos(time)
     call this%clear_prescribed(du)
@@ -309,8 +309,8 @@ contains
 
   subroutine jacobian_product(this, v, product)
     class(decay_t), intent(inout) :: this
-    real(wp), intent(in) :: v(:)
-    real(wp), intent(out) :: product(:)
+    real(wp), intent(in), contiguous :: v(:)
+    real(wp), intent(out), contiguous :: product(:)
 
     product = this%lambda*v
     call this%clear_prescribed(product)
@@ -319,14 +319,14 @@ contains
   subroutine impose(this, time, u)
     class(decay_t), intent(inout) :: this
     real(wp), intent(in) :: time
-    real(wp), intent(inout) :: u(:)
+    real(wp), intent(inout), contiguous :: u(:)
 
     if (this%held) u(1) = this%forcing*sin(time)
   end subroutine impose
 
   subroutine clear_prescribed(this, v)
     class(decay_t), intent(in) :: this
-    real(wp), intent(inout) :: v(:)
+    real(wp), intent(inout), contiguous :: v(:)
 
     if (this%held) v(1) = 0
   end subroutine clear_prescribed
@@ -334,7 +334,7 @@ contains
   subroutine inspect(this, time, u, error)
     class(decay_t), intent(inout) :: this
     real(wp), intent(in) :: time
-    real(wp), intent(in) :: u(:)
+    real(wp), intent(in), contiguous :: u(:)
     type(error_t), allocatable, intent(out) :: error
 
     associate (unused_state => this, unused_time => time)

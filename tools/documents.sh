@@ -9,10 +9,10 @@
 #   <!-- study: hard_cases all -->           the same where it takes minutes
 #   <!-- end -->
 #
-# The first word is calor or a program of example/. Without --check the quotations are made anew;
-# with it nothing is written, and the status is 1 if a text differs. The programs are looked for in
-# CALOR_PROGRAM and CALOR_EXAMPLES, which make sets. A study is made anew only where CALOR_KINDS says
-# so, a list such as 'table|study'.
+# The first word is calor, a program of example/, or cat for a file that is quoted whole. Without
+# --check the quotations are made anew; with it nothing is written, and the status is 1 if a text
+# differs. The programs are looked for in CALOR_PROGRAM and CALOR_EXAMPLES, which make sets. A study
+# is made anew only where CALOR_KINDS says so, a list such as 'table|study'.
 
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -26,6 +26,7 @@ quotation() {
   read -ra words <<<"$1"
   case ${words[0]} in
     calor) "$calor" "${words[@]:1}" ;;
+    cat) cat "${words[@]:1}" ;;
     *) "$examples/${words[0]}" "${words[@]:1}" ;;
   esac
 }

@@ -4,9 +4,10 @@
     tools/fuzz.py CHECKED RELEASE [--count N] [--seconds S] [--seed K] [--keep FOLDER]
 
 CHECKED is a build of calor with sanitizers and run-time checks, which finds most; RELEASE, an
-ordinary one, tells whether what takes long there is too slow. Every case takes a scene of data/, damages it (values, types, keys, groups, bytes, encodings, sizes,
-or the cloud it reads, CSV or HDF5) and runs `calor check` on it; what passes and is small is run as
-well. A case fails where calor
+ordinary one, tells whether what takes long there is too slow. Every case takes a scene of data/,
+damages it (values, types, keys, groups, bytes, encodings, sizes, or the cloud it reads, CSV or
+HDF5) and runs `calor check` on it; what passes and is small is run as well, and some damaged HDF5
+files are given to `calor plot`. A case fails where calor
 
   - ends with a status other than 0 (done), 2 (wrong input), 3 (the numbers went wrong) or 4 (a file),
   - complains in more than five lines, or says nothing when it fails,
@@ -26,6 +27,7 @@ import random
 import re
 import shutil
 import signal
+import struct
 import subprocess
 import sys
 import tempfile
@@ -37,18 +39,21 @@ CHECKED_SECONDS = 60  # where sanitizers slow things down
 PATIENCE = 300.0  # seconds, on a busy machine
 MOST_LINES = 5
 GOOD_STATUS = {0, 2, 3, 4}
+# malloc refuses what is too large, as it does without a sanitizer; HDF5 knows how to bear it.
+SANITIZER = "detect_leaks=0:allocator_may_return_null=1"
+REFUSAL = re.compile(r"^==\d+==WARNING: AddressSanitizer failed to allocate .*\n?", re.M)
 FINDINGS = re.compile(
-    r"Backtrace|AddressSanitizer|runtime error|Fortran runtime|SIG[A-Z]{3,4}:|"
+    r"Backtrace|ERROR: AddressSanitizer|runtime error|Fortran runtime|SIG[A-Z]{3,4}:|"
     r"Segmentation fault|Floating point exception|terminate called|forrtl"
 )
 
 # Values that programs trip over
-NASTY = """0 -1 1 0.0 -0.0 1e308 -1e308 1e400 1e-308 1e-400 4.9e-324 nan inf -inf .true. .false. T F
+NASTY = """0 -1 1 0.0 -0.0 1e29 -1e29 1e-29 1e30 1e31 1e308 -1e308 1e400 1e-308 1e-400 4.9e-324 nan inf -inf .true. .false. T F
 '' ' ' 'x' "" "'" 99999999999999999999 2147483648 -2147483649 1.0.0 1e 1d5 1q3 0x10 1_8 (1,2) 3*1 3*
 / & , = ! ' " $ % ; é \t \\ ../../../../etc/passwd /dev/null /dev/full /dev/zero . .. /
 '1/0' 'sqrt(-1)' 'x/0*0' 't^1e9' 'exp(exp(exp(10)))' '((((' ')' 'sin' 'sin(' 'sin()' 'x y' '1 ? 2'
 '1 ? 2 :' 'a=1' 'pi=3' 'x=2' 'T' 't' 'nosuch(x)' '1e999' 'min()' 'sum(x,y,t)' 'rnd' '$' '"'""".split()
-SPACING_FACTORS = [0.7, 1.5, 2.0, 3.0, 10.0, 1e3, 1e9, 1e-9, 1e-30, 1e-200, 0.0, -1.0]
+SPACING_FACTORS = [0.7, 1.5, 2.0, 3.0, 10.0, 1e3, 1e9, 1e20, 1e29, 1e-9, 1e-29, 1e-200, 0.0, -1.0]
 
 
 def scenes():
@@ -86,7 +91,7 @@ def change_value(text, chance):
             new = ", ".join([old] * chance.choice([2, 3, 17]))
         else:
             try:
-                new = repr(float(old) * chance.choice([-1, 0, 0.1, 10, 1e6, 1e-6, 1e30, 1e300]))
+                new = repr(float(old) * chance.choice([-1, 0, 0.1, 10, 1e6, 1e-6, 1e12, 1e-12, 1e20, 1e-20, 1e300]))
             except ValueError:
                 cut = chance.randrange(len(old) + 1)
                 new = old[:cut] + chance.choice(["", "(", ")", "*", "1", "'", "é", "^", "?"]) + old[cut:]
@@ -173,6 +178,20 @@ def change_bytes(data, chance):
     return bytes(data)
 
 
+def change_hdf5(data, chance):
+    """A number in it becomes one that programs trip over; or any other damage to its bytes."""
+    if chance.random() < 0.5:
+        return change_bytes(data, chance)
+    data = bytearray(data)
+    for _ in range(chance.choice([1, 1, 3, 20])):
+        at = 8 * chance.randrange(len(data) // 8)
+        data[at : at + 8] = chance.choice(
+            [struct.pack("<d", value) for value in (0.0, -1.0, 1e300, 1e29, 1e-300, float("nan"), float("inf"))]
+            + [struct.pack("<q", value) for value in (0, 1, 2, -1, 2**31, 2**40, 2**62)]
+        )
+    return bytes(data)
+
+
 def damage_scene(text, chance):
     for _ in range(chance.choice([1, 1, 1, 2, 4])):
         step = chance.choice([change_value] * 5 + [change_key] * 2 + [change_groups, add_group])
@@ -209,7 +228,7 @@ class Fuzz:
         self.seed = seed
         self.keep = keep
         self.scenes = list(scenes().items())
-        self.environment = dict(os.environ, ASAN_OPTIONS="detect_leaks=0", OMP_NUM_THREADS="1", LC_ALL="C")
+        self.environment = dict(os.environ, ASAN_OPTIONS=SANITIZER, OMP_NUM_THREADS="1", LC_ALL="C")
         self.stock = pathlib.Path(tempfile.mkdtemp(prefix="fuzz-"))
         # A cloud as calor writes it, to be read again
         scene = self.stock / "small.nml"
@@ -238,7 +257,7 @@ class Fuzz:
                 status = None
         except subprocess.TimeoutExpired as late:
             status, out, err = None, late.stdout or b"", late.stderr or b""
-        return status, out.decode("utf-8", "replace"), err.decode("utf-8", "replace")
+        return status, out.decode("utf-8", "replace"), REFUSAL.sub("", err.decode("utf-8", "replace"))
 
     def judge(self, status, out, err):
         """What is wrong with an outcome; '' if nothing."""
@@ -268,7 +287,7 @@ class Fuzz:
                 files[cloud.group(1)] = (path.parent / cloud.group(1)).read_bytes()
             kind = chance.random()
             if kind < 0.08:
-                files["cloud.vtkhdf"] = change_bytes(self.cloud, chance)
+                files["cloud.vtkhdf"] = change_hdf5(self.cloud, chance)
                 text = "&domain shape = 'cloud' file = 'cloud.vtkhdf' spacing = 0.2 /\n&boundary value = 0 /\n&time end = 0.01 /\n"
                 scene = text.encode()
             elif files and kind < 0.5:
@@ -284,7 +303,11 @@ class Fuzz:
             arguments = ["check", "scene.nml"]
             status, out, err = self.call(arguments, folder)
             wrong = self.judge(status, out, err)
-            if not wrong and status == 0 and self.is_small(out):
+            if not wrong and "cloud.vtkhdf" in files and chance.random() < 0.2:
+                arguments = ["plot", "cloud.vtkhdf"]
+                status, out, err = self.call(arguments, folder)
+                wrong = self.judge(status, out, err)
+            elif not wrong and status == 0 and self.is_small(out):
                 arguments = ["run", "scene.nml"]
                 status, out, err = self.call(arguments, folder)
                 wrong = self.judge(status, out, err)

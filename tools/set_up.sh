@@ -2,7 +2,8 @@
 # Puts in place what calor is built with, and does nothing for what is there already.
 #
 #   tools/set_up.sh          compiler, libraries, fpm, test-drive: all that building and testing take
-#   tools/set_up.sh lint     the linter and the formatter
+#   tools/set_up.sh lint     the linter, the formatter and what checks the spelling of documents
+#   tools/set_up.sh docs     FORD, which makes pages of the modules
 #   tools/set_up.sh vtk      VTK's reader for Python, which the continuous integration opens files with
 #   tools/set_up.sh distributed  PETSc, PARPACK and Open MPI, for calor-mpi
 #   tools/set_up.sh bench    programs of others that `make bench` measures beside calor
@@ -14,7 +15,8 @@ set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 readonly FPM='fpm==0.12.0'
-readonly LINTERS=('fortitude-lint==0.10.0' 'findent==4.3.6')
+readonly LINTERS=('fortitude-lint==0.10.0' 'findent==4.3.6' 'codespell==2.4.3')
+readonly FORD='ford==7.0.13'
 readonly VTK='vtk==9.5.2'
 readonly PEERS=('numpy==2.4.6' 'scipy==1.17.1' 'scikit-fem==12.0.2' 'mkl==2026.2.0'
   'treverhines-rbf==2025.7.4.1')
@@ -67,6 +69,7 @@ missing_packages() {
   has_command pkg-config || echo pkg-config
   has_command gnuplot || echo gnuplot-nox
   has_hdf5 || echo libhdf5-dev
+  has_command h5diff || echo hdf5-tools
   has_library lapack || echo liblapack-dev
   has_library blas || echo libblas-dev
   has_library muparser || echo libmuparser-dev
@@ -197,7 +200,8 @@ case ${1:-build} in
   build) set_up_build ;;
   distributed) set_up_distributed ;;
   lint) install_pinned .venv "${LINTERS[@]}" ;;
+  docs) install_with_needs .venv-docs "$FORD" ;;
   vtk) install_pinned .venv-vtk "$VTK" ;;
   bench) install_with_needs .venv-bench "${PEERS[@]}" ;;
-  *) fail "unknown task '$1': build, lint, vtk, bench or distributed" ;;
+  *) fail "unknown task '$1': build, lint, docs, vtk, bench or distributed" ;;
 esac

@@ -73,7 +73,7 @@ contains
     logical, intent(in) :: only_check
     type(error_t), allocatable, intent(out) :: error
     type(scene_t) :: scene
-    type(shared_simulation_t) :: simulation
+    type(shared_simulation_t), target :: simulation
     type(shared_progress_t), target :: progress
     type(text_t), allocatable :: lines(:)
     logical :: quiet

@@ -37,19 +37,23 @@ contains
     this%shown = this%start
   end subroutine begin
 
-  subroutine at_step(this, time, steps, accumulated_error)
+  subroutine at_step(this, time, steps, accumulated_error, pause)
     class(shared_progress_t), intent(inout) :: this
     real(wp), intent(in) :: time
     integer, intent(in) :: steps
     real(wp), intent(in) :: accumulated_error
+    logical, intent(inout) :: pause
     integer(int64) :: now, rate
 
+    associate (unused => pause)
+    end associate
     if (this%quiet) return
     call system_clock(now, rate)
     if (real(now - this%shown, wp)/rate < seconds_between) return
     this%shown = now
     write (output_unit, '(a)') progress_line(time, this%end_time, steps, &
-                                             real(now - this%start, wp)/rate, accumulated_error, 0)
+                                             real(now - this%start, wp)/rate, accumulated_error, &
+                                             -1.0_wp, 0)
     flush (output_unit)
   end subroutine at_step
 

@@ -118,7 +118,8 @@ contains
     if (has_volume) then
       cloud%spacing = sqrt(ranks%total(sum(cloud%volume))/ranks%total(int(cloud%particles(), i8)))
     else
-      call raise(error, status_bad_input, scene%domain%place//': The cloud''s file has no column '// &
+      call raise(error, status_bad_input, &
+                 scene%domain%place//': The cloud''s file has no column '// &
                  '''volume'', so &domain needs spacing: the distance between neighbouring '// &
                  'particles in metres.')
     end if

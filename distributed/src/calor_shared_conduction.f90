@@ -29,6 +29,8 @@ module calor_shared_conduction
     !> Particles in all, and the number of each that is here
     integer(i8) :: particles = 0
     integer(i8), allocatable :: number(:)
+    !> How many particles of other ranks a product needs: each is a number that is sent
+    integer :: received = 0
     !> The rows, 1/s; prescribed and other ranks' particles have none here
     type(tmat) :: matrix
     !> What is multiplied, and the product; their arrays are those of the caller
@@ -83,6 +85,7 @@ contains
     class(shared_conduction_t), intent(inout) :: this
     integer, allocatable :: near(:), far(:), column(:)
     real(wp), allocatable :: value(:)
+    logical, allocatable :: needed(:)
     integer :: k, row, length, own, failed, total, first
 
     own = this%own_last - this%own_first + 1
@@ -92,13 +95,17 @@ contains
     associate (rows => this%laplacian)
       allocate (near(own), source=1)
       allocate (far(own), source=0)
+      allocate (needed(size(this%number)), source=.false.)
       do k = 1, rows%rows()
         associate (at => rows%target(k) - this%own_first + 1, &
                    index => rows%index(rows%first(k):rows%first(k + 1) - 1))
           far(at) = count(index < this%own_first .or. index > this%own_last)
           near(at) = size(index) - far(at) + 1
+          needed(index) = .true.
         end associate
       end do
+      needed(this%own_first:this%own_last) = .false.
+      this%received = count(needed)
       call matcreate(this%ranks%comm%mpi_val, this%matrix, failed)
       call matsetsizes(this%matrix, own, own, total, total, failed)
       call matsettype(this%matrix, 'mpiaij', failed)
@@ -193,8 +200,8 @@ contains
 
   subroutine apply_rows(this, temperature, rate)
     class(shared_conduction_t), intent(inout) :: this
-    real(wp), intent(in) :: temperature(:)
-    real(wp), intent(inout) :: rate(:)
+    real(wp), intent(in), contiguous :: temperature(:)
+    real(wp), intent(inout), contiguous :: rate(:)
 
     call multiply(this, temperature(this%own_first:this%own_last), &
                   rate(this%own_first:this%own_last))
@@ -251,7 +258,7 @@ contains
 
   subroutine clear_prescribed(this, v)
     class(shared_conduction_t), intent(in) :: this
-    real(wp), intent(inout) :: v(:)
+    real(wp), intent(inout), contiguous :: v(:)
 
     call this%conduction_t%clear_prescribed(v)
     v(:this%own_first - 1) = 0
@@ -261,7 +268,7 @@ contains
   subroutine inspect(this, time, u, error)
     class(shared_conduction_t), intent(inout) :: this
     real(wp), intent(in) :: time
-    real(wp), intent(in) :: u(:)
+    real(wp), intent(in), contiguous :: u(:)
     type(error_t), allocatable, intent(out) :: error
 
     call this%conduction_t%inspect(time, u, error)
@@ -295,7 +302,7 @@ contains
   subroutine scatter(this, seed, v)
     class(shared_conduction_t), intent(in) :: this
     integer, intent(in) :: seed
-    real(wp), intent(out) :: v(:)
+    real(wp), intent(out), contiguous :: v(:)
     integer :: k
 
     v = 0

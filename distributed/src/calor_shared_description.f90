@@ -34,6 +34,7 @@ contains
                to_text(int(particles%on_walls))//' of them on walls, '// &
                to_text(particles%own%spacing, digits=6)//' m apart')
       call add(lines, 'Ranks', ranks_text(simulation))
+      call add(lines, 'Exchange', exchange_text(simulation))
       call add(lines, 'Neighbours', to_text(simulation%fewest_neighbours)//' to '// &
                to_text(simulation%most_neighbours)//', '// &
                to_text(simulation%all_entries/real(simulation%all_rows, wp), digits=3)// &
@@ -54,7 +55,7 @@ contains
         call add(lines, 'Time', 'steady state, by Newton''s method and PETSc''s Krylov solvers')
       else
         call add(lines, 'Time', '0 to '//to_text(scene%time%end)//' s by '//simulation%method// &
-                 ': '//summary(simulation%method))
+                 ': '//trim(summary(simulation%method)))
         if (allocated(simulation%choice)) call add(lines, 'Why', simulation%choice%sentence())
       end if
       call add(lines, 'Memory', 'about '//size_text(memory_need( &
@@ -121,9 +122,23 @@ contains
       others = ranks%most(1.0_wp*(cloud%particles() - simulation%particles%own%particles()))
       text = to_text(ranks%ranks)//', each with '//to_text(nint(own(1)))//' to '// &
              to_text(nint(own(2)))//' particles and at most '//to_text(nint(others))// &
-             ' of its neighbours''s'
+             ' of others'' within reach'
     end associate
   end function ranks_text
+
+  !> What a product with the Laplacian takes from other ranks
+  function exchange_text(simulation) result(text)
+    type(shared_simulation_t), intent(in) :: simulation
+    character(len=:), allocatable :: text
+    real(wp) :: most, all
+
+    associate (ranks => simulation%ranks, received => 8.0_wp*simulation%conduction%received)
+      most = ranks%most(received)
+      all = ranks%total(received)
+    end associate
+    text = to_text(nint(most))//' bytes at most to a rank for each product with the Laplacian, '// &
+           to_text(nint(all/simulation%ranks%ranks))//' on average'
+  end function exchange_text
 
   function repairs(simulation) result(text)
     type(shared_simulation_t), intent(in) :: simulation
@@ -164,6 +179,9 @@ contains
     integer :: k
 
     text = ''
+    if (method == 'bdf') then
+      text = 'second order, implicit, by PETSc''s TS: steps of any length, adaptive'
+    end if
     do k = 1, size(integrator_choices)
       if (integrator_choices(k)%name == method) text = trim(integrator_choices(k)%summary)
     end do

@@ -16,7 +16,7 @@ contains
 
   subroutine run_shared(simulation, error, listener)
     !> A simulation after `prepare`
-    type(shared_simulation_t), intent(inout) :: simulation
+    type(shared_simulation_t), intent(inout), target :: simulation
     !> The numbers went wrong, or a file could not be written; on all ranks the same
     type(error_t), allocatable, intent(out) :: error
     !> Who is told of each step

@@ -13,6 +13,7 @@ module calor_shared_simulation
   use calor_scene_values, only: field_values
   use calor_shared_cloud, only: shared_cloud_t
   use calor_shared_conduction, only: shared_conduction_t
+  use calor_shared_implicit, only: implicit_stepper_t
   use calor_shared_steady_state, only: find_shared_steady_state
   use calor_shared_support, only: refuse_unsupported
   use calor_simulation_file, only: check_target
@@ -43,6 +44,9 @@ module calor_shared_simulation
     integer :: fewest_neighbours = 0, most_neighbours = 0
     type(rightmost_t) :: rightmost
     type(stepper_t) :: stepper
+    !> PETSc's, where steps are implicit
+    type(implicit_stepper_t) :: implicit
+    logical :: is_implicit = .false.
     character(len=:), allocatable :: method
     type(method_choice_t), allocatable :: choice
     real(wp) :: stability_limit = 0.0_wp
@@ -81,6 +85,7 @@ module calor_shared_simulation
     procedure, private :: find_growth
     procedure, private :: choose_steps
     procedure, private :: choose_method
+    procedure, private :: check_implicit
     procedure, private :: state
   end type shared_simulation_t
 
@@ -148,7 +153,8 @@ contains
     if (this%ranks%any_of(allocated(conduction%jumps) .or. allocated(conduction%local))) then
       call raise(error, status_bad_input, this%scene%path//': calor-mpi does not support '// &
                  'materials in contact that depend on T by unlike factors, nor conductivities '// &
-                 'that are no product of a function of x and y and one of T; run the scene by calor.')
+                 'that are no product of a function of x and y and one of T; run the scene by '// &
+                 'calor.')
       return
     end if
     this%conduction = conduction
@@ -255,6 +261,13 @@ contains
                    '''auto'' or ''rkl2''.')
         return
       end if
+      this%is_implicit = this%method == 'tr_bdf2'
+      if (this%is_implicit) then
+        call this%check_implicit(error)
+        if (allocated(error)) return
+        this%method = 'bdf'
+        call make_integrator('rkl2', stepper%integrator, error)
+      end if
       this%stability_limit = stepper%integrator%longest_stable_step(stepper%spectral_radius)
       if (time%step > 0) then
         step = time%step
@@ -288,6 +301,23 @@ contains
       end if
     end associate
   end subroutine choose_steps
+
+  !> What implicit steps are for.
+  subroutine check_implicit(this, error)
+    class(shared_simulation_t), intent(in) :: this
+    type(error_t), allocatable, intent(out) :: error
+
+    associate (time => this%scene%time)
+      if (allocated(this%conduction%content)) then
+        call raise(error, status_bad_input, time%place//': method = ''tr_bdf2'' does not take '// &
+                   'latent heat or materials that depend on the temperature: take ''auto'' or '// &
+                   '''rkl2''.')
+      else if (time%step > 0) then
+        call raise(error, status_bad_input, time%place//': calor-mpi does not support implicit '// &
+                   'steps of a given length: leave step out, or take method = ''rkl2''.')
+      end if
+    end associate
+  end subroutine check_implicit
 
   !> Of the explicit methods the cheaper one.
   subroutine choose_method(this, tolerance, error)
@@ -347,14 +377,18 @@ contains
   end subroutine certify
 
   subroutine advance_to(this, time, error)
-    class(shared_simulation_t), intent(inout) :: this
+    class(shared_simulation_t), intent(inout), target :: this
     !> Time to reach, s
     real(wp), intent(in) :: time
     !> The numbers went wrong; time and temperature are those of the last good state
     type(error_t), allocatable, intent(out) :: error
 
     call this%stopwatch%start('steps')
-    if (allocated(this%content)) then
+    if (this%is_implicit) then
+      call this%implicit%advance_to(this%conduction, this%time, time, this%stepper%tolerance, &
+                                    this%stepper%first_proposal(), this%temperature, error)
+      this%stepper%steps = this%implicit%steps
+    else if (allocated(this%content)) then
       call this%stepper%advance_to(this%conduction, this%time, time, this%content, error)
       call this%conduction%find_temperature(this%content, this%temperature)
     else
@@ -456,6 +490,7 @@ contains
   subroutine finish(this)
     class(shared_simulation_t), intent(inout) :: this
 
+    call this%implicit%finish()
     call this%conduction%unload()
   end subroutine finish
 

@@ -30,8 +30,10 @@ contains
       call refuse(scene%domain%place, 'arrangement = ''relaxed''')
     else if (scene%laplacian == 'double_gradient') then
       call refuse(scene%path//': &scheme', 'laplacian = ''double_gradient''')
-    else if (scene%time%method == 'tr_bdf2') then
-      call refuse(scene%time%place, 'method = ''tr_bdf2''')
+    else if (scene%checkpoint%asked) then
+      call refuse(scene%checkpoint%place, 'checkpoints')
+    else if (scene%single_weights) then
+      call refuse(scene%path//': &scheme', 'weights in single precision')
     end if
     if (allocated(error) .or. scene%output%file == '') return
     do k = 1, size(scene%output%fields)

@@ -9,10 +9,11 @@
 module calor_expression
   use, intrinsic :: iso_c_binding, only: c_ptr, c_char, c_int, c_double, c_intptr_t, c_loc, &
       c_null_ptr, c_null_char, c_associated, c_f_pointer, c_funptr, c_funloc
-  use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
+  use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan, &
+      ieee_positive_inf
   use, intrinsic :: ieee_exceptions, only: ieee_status_type, ieee_get_status, ieee_set_status, &
       ieee_set_halting_mode, ieee_all
-  use calor_constants, only: pi
+  use calor_constants, only: greatest_size, pi
   use calor_error, only: error_t, raise, status_bad_input
   use calor_kinds, only: wp
   use calor_text, only: to_text, text_list, suggestion
@@ -225,7 +226,8 @@ contains
   end subroutine compile_expression
 
   !> The values of the expression at many points. Values that are no numbers (0/0, the root of a
-  !> negative number) or infinite are handed on as they are; the caller checks for them.
+  !> negative number) or infinite are handed on as they are; the caller checks for them. What is
+  !> larger than any number of a scene may be counts as infinite.
   recursive subroutine evaluate_points(self, x, y, time, values, temperature)
     !> The expression; never compiled, it gives NaN
     class(expression_t), intent(in), target :: self
@@ -270,6 +272,9 @@ contains
       self%variables(2) = y(k)
       if (present(temperature)) self%variables(4) = temperature(k)
       values(k) = mup_evaluate(self%parser)
+      if (abs(values(k)) > greatest_size) then
+        values(k) = sign(ieee_value(0.0_wp, ieee_positive_inf), values(k))
+      end if
     end do
     if (mup_failed(self%parser) /= 0) values = ieee_value(0.0_wp, ieee_quiet_nan)
     call ieee_set_status(status)

@@ -11,7 +11,7 @@ module calor_file_system
 
   public :: look_at_path, path_missing, path_file, path_folder, path_other, path_unreachable
   public :: parent_folder, resolved_path, read_obstacle, write_obstacle
-  public :: rename_file, remove_file, try_writing, reserve_space, cut_file
+  public :: rename_file, remove_file, link_file, synchronise, try_writing, reserve_space, cut_file
   public :: make_scratch_folder, remove_folder
   public :: ignore_file_size_signal
 
@@ -41,6 +41,20 @@ module calor_file_system
       type(c_ptr), intent(in), value :: old, new
       integer(c_int) :: status
     end function c_rename
+
+    function c_link(old, new) result(status) bind(c, name='link')
+      import :: c_ptr, c_int
+      implicit none (type, external)
+      type(c_ptr), intent(in), value :: old, new
+      integer(c_int) :: status
+    end function c_link
+
+    function c_fsync(descriptor) result(status) bind(c, name='fsync')
+      import :: c_int
+      implicit none (type, external)
+      integer(c_int), intent(in), value :: descriptor
+      integer(c_int) :: status
+    end function c_fsync
 
     function c_unlink(path) result(status) bind(c, name='unlink')
       import :: c_ptr, c_int
@@ -236,6 +250,36 @@ contains
     to = to_c(new)
     reason = reason_of(c_rename(c_loc(from), c_loc(to)))
   end subroutine rename_file
+
+  !> Give a file a second name in the same file system; nothing must be there of that name.
+  subroutine link_file(old, new, reason)
+    !> The file
+    character(len=*), intent(in) :: old
+    !> Its second name
+    character(len=*), intent(in) :: new
+    !> Why that failed, or ''
+    character(len=:), allocatable, intent(out) :: reason
+    character(len=:), allocatable, target :: from, to
+
+    from = to_c(old)
+    to = to_c(new)
+    reason = reason_of(c_link(c_loc(from), c_loc(to)))
+  end subroutine link_file
+
+  !> Wait until all that was written to an open file is on the disk. A file system that knows no
+  !> such thing is no reason to fail.
+  subroutine synchronise(unit, reason)
+    !> Fortran's number of the file, flushed
+    integer, intent(in) :: unit
+    !> Why the file is not whole, or ''
+    character(len=:), allocatable, intent(out) :: reason
+    integer, parameter :: input_output = 5, no_space = 28, over_quota = 122
+    intrinsic :: fnum, ierrno
+
+    reason = ''
+    if (c_fsync(int(fnum(unit), c_int)) == 0) return
+    if (any(ierrno() == [input_output, no_space, over_quota])) reason = reason_of(-1_c_int)
+  end subroutine synchronise
 
   !> Remove a file.
   subroutine remove_file(path, reason)

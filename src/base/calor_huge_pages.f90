@@ -5,7 +5,7 @@
 !> as filling them.
 module calor_huge_pages
   use, intrinsic :: iso_c_binding, only: c_int, c_intptr_t, c_loc, c_ptr, c_size_t
-  use calor_kinds, only: wp, ip, i8
+  use calor_kinds, only: wp, sp, ip, i8
   implicit none (type, external)
   private
 
@@ -18,6 +18,7 @@ module calor_huge_pages
     module procedure prefer_for_particles
     module procedure prefer_for_counters
     module procedure prefer_for_reals
+    module procedure prefer_for_short_reals
   end interface prefer_huge_pages
 
   !> Bytes from which it is worth while
@@ -60,6 +61,13 @@ contains
 
     call advise(c_loc(array), size(array, kind=c_size_t)*storage_size(array)/8)
   end subroutine prefer_for_reals
+
+  subroutine prefer_for_short_reals(array)
+    !> Any array
+    real(sp), intent(in), contiguous, target :: array(:)
+
+    call advise(c_loc(array), size(array, kind=c_size_t)*storage_size(array)/8)
+  end subroutine prefer_for_short_reals
 
   !> Ask for huge pages beneath the whole pages of a piece of memory.
   subroutine advise(begin, bytes)

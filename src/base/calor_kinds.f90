@@ -1,13 +1,15 @@
 !> The number kinds that the whole library uses.
 module calor_kinds
-  use, intrinsic :: iso_fortran_env, only: real64, int32, int64
+  use, intrinsic :: iso_fortran_env, only: real32, real64, int32, int64
   implicit none (type, external)
   private
 
-  public :: wp, ip, i8
+  public :: wp, sp, ip, i8
 
   !> Working precision of every physical quantity
   integer, parameter :: wp = real64
+  !> Numbers of which many are read and few digits matter
+  integer, parameter :: sp = real32
   !> Particle numbers and positions in neighbour lists
   integer, parameter :: ip = int32
   !> Counters and byte sizes that may exceed two thousand million

@@ -1,10 +1,26 @@
 !> How much memory the machine has to spare.
 module calor_machine_memory
+  use, intrinsic :: iso_c_binding, only: c_int, c_int64_t
   use calor_kinds, only: i8
   implicit none (type, external)
   private
 
   public :: available_memory
+
+  !> Linux's number of the limit on a process's address space, and the size of a page, bytes
+  integer(c_int), parameter :: address_space = 9_c_int
+  integer(i8), parameter :: page = 4096_i8
+
+  interface
+    !> The limit in force and the highest that may be set; negative numbers mean that there is none
+    function c_getrlimit(resource, limits) result(status) bind(c, name='getrlimit')
+      import :: c_int, c_int64_t
+      implicit none (type, external)
+      integer(c_int), intent(in), value :: resource
+      integer(c_int64_t), intent(out) :: limits(2)
+      integer(c_int) :: status
+    end function c_getrlimit
+  end interface
 
 contains
 
@@ -18,7 +34,22 @@ contains
     limit = number_in('/sys/fs/cgroup/memory.max')
     used = number_in('/sys/fs/cgroup/memory.current')
     if (limit >= 0 .and. used >= 0) bytes = min(bytes, max(0_i8, limit - used))
+    bytes = min(bytes, below_own_limit())
   end function available_memory
+
+  !> What the process may still have, where it is limited, as by the shell's `ulimit -v`
+  function below_own_limit() result(bytes)
+    integer(i8) :: bytes
+    integer(c_int64_t) :: limits(2)
+    integer(i8) :: pages
+
+    bytes = huge(bytes)
+    if (c_getrlimit(address_space, limits) /= 0) return
+    if (limits(1) < 0) return
+    ! The first number there: all of the process's pages
+    pages = number_in('/proc/self/statm')
+    bytes = max(0_i8, limits(1) - page*max(0_i8, pages))
+  end function below_own_limit
 
   !> The line 'MemAvailable:  1234 kB' of Linux
   function from_meminfo() result(bytes)

@@ -30,6 +30,8 @@ module calor_stopwatch
     procedure :: seconds_of
     !> Take over the phases of another stopwatch that ran inside one of this one's
     procedure :: take_over
+    !> Add the times of another stopwatch, as of a run's second part
+    procedure :: add => add_phases
   end type stopwatch_t
 
 contains
@@ -83,6 +85,22 @@ contains
     where (this%phases%name == outer_phase) this%phases%seconds = this%phases%seconds - seconds
     deallocate (inner%phases)
   end subroutine take_over
+
+  subroutine add_phases(this, other)
+    class(stopwatch_t), intent(inout) :: this
+    !> The other, at rest
+    type(stopwatch_t), intent(in) :: other
+    integer :: k
+
+    if (.not. allocated(other%phases)) return
+    do k = 1, size(other%phases)
+      call this%start(trim(other%phases(k)%name))
+      call this%stop()
+      where (this%phases%name == other%phases(k)%name)
+        this%phases%seconds = this%phases%seconds + other%phases(k)%seconds
+      end where
+    end do
+  end subroutine add_phases
 
   pure function seconds_of(this, name) result(seconds)
     class(stopwatch_t), intent(in) :: this

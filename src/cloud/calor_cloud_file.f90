@@ -6,16 +6,19 @@ module calor_cloud_file
   use, intrinsic :: ieee_exceptions, only: ieee_status_type, ieee_get_status, ieee_set_status, &
                                            ieee_set_halting_mode, ieee_all
   use calor_cloud, only: cloud_t
+  use calor_constants, only: greatest_size, least_size
   use calor_error, only: error_t, raise, status_bad_input, status_bad_file
   use calor_file_system, only: look_at_path, path_missing, path_file, path_folder, &
                                path_unreachable, read_obstacle
   use calor_hdf5, only: start_hdf5, open_hdf5_file, hdf5_has, hdf5_silence_t, hdf5_reason
   use calor_kinds, only: wp, ip, i8
+  use calor_machine_memory, only: available_memory
   use calor_slice, only: slice_t
   use calor_text, only: text_t, to_text, lower_case, join
   use hdf5, only: hid_t, hsize_t, h5kind_to_type, &
                   h5_real_kind, h5s_select_set_f, h5t_float_f, h5t_integer_f, &
-                  h5dclose_f, h5dget_space_f, h5dget_type_f, h5dopen_f, h5dread_f, &
+                  h5dclose_f, h5dget_space_f, h5dget_storage_size_f, h5dget_type_f, &
+                  h5dopen_f, h5dread_f, &
                   h5fclose_f, h5sclose_f, h5screate_simple_f, &
                   h5sget_simple_extent_dims_f, h5sget_simple_extent_ndims_f, &
                   h5sselect_hyperslab_f, h5tclose_f, h5tget_class_f
@@ -31,7 +34,7 @@ module calor_cloud_file
       column_normal_x = 5, column_normal_y = 6, column_length = 7
 
   !> What becomes of a text that should be a number
-  integer, parameter :: is_number = 0, is_not_number = 1, is_not_finite = 2
+  integer, parameter :: is_number = 0, is_not_number = 1, is_not_finite = 2, is_too_large = 3
 
   !> How a cloud may be given, for messages
   character(len=*), parameter :: remedy = 'A cloud is a CSV file whose first line names '// &
@@ -302,7 +305,12 @@ contains
           action='read', iostat=status, iomsg=message)
     if (status == 0) then
       inquire (unit=unit, size=bytes)
-      allocate (character(len=max(0_i8, min(bytes, most))) :: content)
+      allocate (character(len=max(0_i8, min(bytes, most))) :: content, stat=status)
+      if (status /= 0) then
+        close (unit)
+        call raise_too_large(path, 'it has '//to_text(bytes)//' bytes', error)
+        return
+      end if
       read (unit, iostat=status, iomsg=message) content
       close (unit)
     end if
@@ -583,7 +591,7 @@ contains
 
     select case (meaning)
     case (column_volume)
-      fits = number > 0.0_wp
+      fits = number >= least_size**2
     case (column_length)
       fits = number >= 0.0_wp
     case (column_wall)
@@ -607,6 +615,9 @@ contains
         sentence = ''''//clipped(text)//''' is not a number'
       case (is_not_finite)
         sentence = ''''//clipped(text)//''' is not a finite number'
+      case (is_too_large)
+        sentence = ''''//clipped(text)//''' is larger than '//to_text(greatest_size)// &
+                   ', the greatest number that a cloud may have'
       case default
         sentence = ''''//clipped(text)//''' cannot be'
       end select
@@ -705,6 +716,7 @@ contains
       read (text, *, iostat=status) number
       if (status /= 0 .or. .not. ieee_is_finite(number)) what = is_not_finite
     end if
+    if (what == is_number .and. abs(number) > greatest_size) what = is_too_large
   end subroutine to_number
 
   pure function place_of(path, line) result(place)
@@ -827,6 +839,9 @@ contains
       else if (abs(points(3, k)) > 0.0_wp) then
         call raise(error, status_bad_input, particle_of(path, '/VTKHDF/Points', k + int(before))// &
                    'z is '//to_text(points(3, k))//', but a cloud lies in the plane z = 0.')
+      else if (maxval(abs(points(:, k))) > greatest_size) then
+        call raise(error, status_bad_input, particle_of(path, '/VTKHDF/Points', k + int(before))// &
+                   complaint(to_text(maxval(abs(points(:, k)))), is_too_large, column_x))
       end if
       if (allocated(error)) return
     end do
@@ -862,18 +877,23 @@ contains
     integer(i8), intent(in) :: before
     character(len=:), allocatable :: name
     real(wp), allocatable :: column(:, :)
-    integer :: k
+    integer :: k, what
 
     name = '/VTKHDF/PointData/'//trim(meanings(meaning))
     if (.not. hdf5_has(file_id, name)) return
     call read_rows(path, file_id, name, 1, rows, column, error, before)
     if (allocated(error)) return
     do k = 1, int(rows)
-      if (ieee_is_finite(column(1, k))) then
-        if (fits(column(1, k), meaning)) cycle
+      what = is_number
+      if (.not. ieee_is_finite(column(1, k))) then
+        what = is_not_finite
+      else if (abs(column(1, k)) > greatest_size) then
+        what = is_too_large
+      else if (fits(column(1, k), meaning)) then
+        cycle
       end if
       call raise(error, status_bad_input, particle_of(path, name, k + int(before))// &
-                 complaint(to_text(column(1, k)), is_number, meaning))
+                 complaint(to_text(column(1, k)), what, meaning))
       return
     end do
     values = column(1, :)
@@ -896,10 +916,21 @@ contains
       number = 1
       call read_rows(path, file_id, '/VTKHDF/Steps/NumberOfParts', 1, number, parts, error)
       if (allocated(error)) return
+      if (.not. (parts(1, 1) >= 0 .and. parts(1, 1) <= real(huge(1_ip), wp))) then
+        call raise(error, status_bad_input, 'The cloud''s file '''//path// &
+                   ''': /VTKHDF/Steps/NumberOfParts is no number of parts. '//remedy)
+        return
+      end if
       number = nint(parts(1, 1), i8)
     end if
     call read_rows(path, file_id, '/VTKHDF/NumberOfPoints', 1, number, points, error)
-    if (.not. allocated(error)) rows = nint(sum(points), i8)
+    if (allocated(error)) return
+    if (.not. all(points >= 0 .and. points <= real(huge(1_ip), wp))) then
+      call raise(error, status_bad_input, 'The cloud''s file '''//path// &
+                 ''': /VTKHDF/NumberOfPoints is no number of particles. '//remedy)
+      return
+    end if
+    rows = nint(sum(points), i8)
   end subroutine count_points
 
   !> Read the first rows of a dataset of numbers.
@@ -916,7 +947,9 @@ contains
     !> Rows that are left out before; 0 without it
     integer(i8), intent(in), optional :: before
     integer(hid_t) :: dataset, file_space, memory_space, data_type
-    integer(hsize_t) :: extent(2), limit(2), block(2), offset(2)
+    integer(hsize_t) :: extent(2), limit(2), block(2), offset(2), stored
+    !> Numbers in a byte, at most: deflate, the best that is common, makes 1032 bytes into one
+    real(wp), parameter :: strongest_compression = 1032.0_wp
     type(c_ptr) :: address
     integer :: status, kind_of_data, rank, first
 
@@ -955,7 +988,24 @@ contains
       return
     end if
 
-    allocate (values(components, rows))
+    ! What was never written takes no room in the file, whatever its extent.
+    call h5dget_storage_size_f(dataset, stored, status)
+    ! HDF5 takes 0 bytes for a failure.
+    if (status < 0) stored = 0
+    if (real(rows, wp)*components > strongest_compression*real(stored, wp)) then
+      call raise(error, status_bad_input, 'The cloud''s file '''//path//''': '//name//' has '// &
+                 to_text(rows)//' rows, but not so many were written: the file is not complete.')
+      return
+    end if
+    if (real(rows, wp)*components*storage_size(1.0_wp)/8 > real(available_memory(), wp)) then
+      status = 1
+    else
+      allocate (values(components, rows), stat=status)
+    end if
+    if (status /= 0) then
+      call raise_too_large(path, name//' has '//to_text(rows)//' rows', error)
+      return
+    end if
     if (rows > 0) then
       block = [int(components, hsize_t), int(rows, hsize_t)]
       call h5sselect_hyperslab_f(file_space, h5s_select_set_f, offset(first:), &
@@ -1002,6 +1052,15 @@ contains
     call h5sclose_f(space, status)
     call h5dclose_f(dataset, status)
   end subroutine count_rows
+
+  subroutine raise_too_large(path, what, error)
+    character(len=*), intent(in) :: path, what
+    type(error_t), allocatable, intent(out) :: error
+
+    call raise(error, status_bad_input, 'The cloud''s file '''//path//''': '//what// &
+               ', more than this machine has memory for. Check that the file is what it should '// &
+               'be, or take fewer particles.')
+  end subroutine raise_too_large
 
   !> Make an error of the HDF5 call that has just failed.
   subroutine raise_damaged(path, error)

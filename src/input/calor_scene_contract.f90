@@ -78,7 +78,8 @@ module calor_scene_contract
       group_rule_t('time', one, now, 'how long and in which steps'), &
       group_rule_t('output', one, now, 'what is written, where and how often'), &
       group_rule_t('accuracy', one, now, 'how far the run knows and bounds its own error'), &
-      group_rule_t('checkpoint', one, later, 'write checkpoints'), &
+      group_rule_t('checkpoint', one, now, &
+                   'lay the state aside for calor run --resume'), &
       group_rule_t('operators', one, now, 'a field whose derivatives are evaluated'), &
       group_rule_t('cost', one, now, 'schemes and spacings whose accuracy and cost are compared')]
 
@@ -110,6 +111,8 @@ module calor_scene_contract
       key_rule_t('scheme', 'allow_inexact_rows', yes_no, now, '.false.', 'run with stable rows'// &
                  ' that are not exact'), &
       key_rule_t('scheme', 'allow_unstable', yes_no, now, '.false.', 'run an unstable scheme'), &
+      key_rule_t('scheme', 'single_weights', yes_no, now, '.false.', 'steps with 32-bit weights: '// &
+                 'large clouds faster, errors below 1e-7 lost'), &
       key_rule_t('material', 'conductivity', number, now, '1', 'conductivity, W/(m K)'), &
       key_rule_t('material', 'conductivity_expression', expression, now, '', 'the same'), &
       key_rule_t('material', 'conductivity_xx', number, now, '', 'where it is a tensor'), &
@@ -161,8 +164,13 @@ module calor_scene_contract
       key_rule_t('output', 'fields', texts, now, '''temperature''', 'what to write'), &
       key_rule_t('accuracy', 'estimate', yes_no, now, '.false.', 'estimate the error'), &
       key_rule_t('accuracy', 'target', number, now, '', 'relative L2 error to reach'), &
-      key_rule_t('checkpoint', 'file', text, later, '', 'the file to write'), &
-      key_rule_t('checkpoint', 'every_seconds', number, later, '', 'time between two, s'), &
+      key_rule_t('checkpoint', 'file', text, now, '', 'the file to write (HDF5); without it '// &
+                 'OUTPUT.checkpoint.h5'), &
+      key_rule_t('checkpoint', 'every_seconds', number, now, '60', 'wall time between two, s; '// &
+                 '0: only by every'), &
+      key_rule_t('checkpoint', 'every', number, now, '', 'simulated time between two, s'), &
+      key_rule_t('checkpoint', 'keep', whole, now, '1', 'how many to keep: older ones are '// &
+                 'called FILE.1, FILE.2'), &
       key_rule_t('operators', 'field_expression', expression, now, '', 'the field'), &
       key_rule_t('operators', 'gradients', texts, now, '''all''', 'gradient schemes'), &
       key_rule_t('operators', 'laplacians', texts, now, '''all''', 'Laplacian schemes'), &

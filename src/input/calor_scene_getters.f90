@@ -5,6 +5,7 @@
 !> come from it as from any other.
 module calor_scene_getters
   use calor_choice, only: choice_t, choice_names
+  use calor_constants, only: greatest_size, least_size
   use calor_error, only: error_t, raise, status_bad_input
   use calor_expression, only: expression_t, compile_expression
   use calor_kinds, only: wp
@@ -27,6 +28,9 @@ module calor_scene_getters
     module procedure get_text
     module procedure get_texts
   end interface get
+
+  !> What `decimal_exponent` says of 0
+  integer, parameter :: exponent_of_zero = -huge(1)
 
 contains
 
@@ -547,15 +551,18 @@ contains
       end if
       exponent = decimal_exponent(text)
       ! The runtime would raise floating-point exceptions beyond these
-      if (exponent > 307) then
-        call raise_at(error, group, entry%key, 'the number '//text(:min(len(text), 40))// &
-                      ' is too large; the greatest is about 1e308.')
-        return
-      end if
-      if (exponent < -307) return
-      read (text, *, iostat=status) value
+      value = merge(2*greatest_size, 0.5_wp*least_size, exponent > 307)
+      status = 0
+      if (abs(exponent) <= 307) read (text, *, iostat=status) value
+      if (exponent == exponent_of_zero) value = 0
       if (status /= 0) then
         call raise_at(error, group, entry%key, 'the number cannot be read.')
+      else if (abs(value) > greatest_size) then
+        call raise_at(error, group, entry%key, 'the number '//text(:min(len(text), 40))// &
+                      ' is too large; the greatest is '//to_text(greatest_size)//'.')
+      else if (abs(value) > 0 .and. abs(value) < least_size) then
+        call raise_at(error, group, entry%key, 'the number '//text(:min(len(text), 40))// &
+                      ' is too small; give 0 or at least '//to_text(least_size)//'.')
       end if
     end associate
   end subroutine to_real
@@ -591,7 +598,7 @@ contains
   pure function decimal_exponent(number) result(exponent)
     character(len=*), intent(in) :: number
     integer :: exponent
-    integer, parameter :: tiny_exponent = -1000000
+    integer, parameter :: beyond_count = 1000000
     character(len=:), allocatable :: power
     integer :: mark, point, first, last, written, status
 
@@ -600,7 +607,7 @@ contains
     if (mark > 0) last = mark - 1
     first = scan(number(:last), '123456789')
     if (first == 0) then
-      exponent = tiny_exponent
+      exponent = exponent_of_zero
       return
     end if
     point = scan(number(:last), '.')
@@ -613,10 +620,10 @@ contains
     first = scan(power, '123456789')
     if (first == 0) return
     if (len(power) - first >= 7) then
-      written = -tiny_exponent
+      written = beyond_count
     else
       read (power(first:), *, iostat=status) written
-      if (status /= 0) written = -tiny_exponent
+      if (status /= 0) written = beyond_count
     end if
     if (power(1:1) == '-') written = -written
     exponent = exponent + written

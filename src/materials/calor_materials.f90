@@ -224,16 +224,27 @@ contains
           call append(texts, 'conductivity of the temperature ('//one%place//')')
         end if
         if (one%stores_by_place) then
-          call append(texts, 'heat capacity of the place ('//one%density_place//', '// &
-                      one%capacity_place//')')
+          call append(texts, 'heat capacity of the place ('//varying_place(one)//')')
         end if
         if (one%stores_by_temperature) then
-          call append(texts, 'heat capacity of the temperature ('//one%density_place//', '// &
-                      one%capacity_place//')')
+          call append(texts, 'heat capacity of the temperature ('//varying_place(one)//')')
         end if
       end associate
     end do
   end function in_force
+
+  !> Where the scene has the density or the heat capacity that is an expression, or both
+  pure function varying_place(material) result(place)
+    type(material_t), intent(in) :: material
+    character(len=:), allocatable :: place
+
+    associate (one => material%density_place, two => material%capacity_place)
+      place = one
+      if (index(two, '_expression') == 0) return
+      place = two
+      if (index(one, '_expression') > 0) place = one//', '//two
+    end associate
+  end function varying_place
 
   subroutine which(this, x, y, material)
     class(materials_t), intent(in) :: this

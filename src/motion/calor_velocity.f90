@@ -1,5 +1,6 @@
 !> A given velocity field.
 module calor_velocity
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_quiet_nan, ieee_value
   use calor_constants, only: worth_threads
   use calor_error, only: error_t
   use calor_expression, only: expression_t
@@ -65,11 +66,14 @@ contains
     class(velocity_t), intent(inout) :: this
     !> Places, m, and time, s
     real(wp), intent(in) :: x(:), y(:), time
-    !> m/s
+    !> m/s; NaN where there is no number
     real(wp), intent(out) :: velocity_x(:), velocity_y(:)
 
     call evaluate(this%x, x, y, time, velocity_x)
     call evaluate(this%y, x, y, time, velocity_y)
+    ! A difference of infinite values would raise an exception; NaN stays NaN.
+    where (.not. ieee_is_finite(velocity_x)) velocity_x = ieee_value(0.0_wp, ieee_quiet_nan)
+    where (.not. ieee_is_finite(velocity_y)) velocity_y = ieee_value(0.0_wp, ieee_quiet_nan)
   end subroutine at
 
   subroutine find_divergence(this, x, y, time, distance, divergence, derivative)

@@ -8,6 +8,7 @@
 !> what is found in a bucket may lie in another cell and has to be checked by its distance.
 module calor_cell_list
   use calor_constants, only: worth_threads
+  use calor_huge_pages, only: prefer_huge_pages
   use calor_kinds, only: wp, ip, i8
   implicit none (type, external)
   private
@@ -87,6 +88,7 @@ contains
     end if
 
     allocate (bucket_of(particles))
+    call prefer_huge_pages(bucket_of)
     !$omp parallel do if (particles > worth_threads) default(none) schedule(static) &
     !$omp shared(particles, x, y, cells, bucket_of)
     do i = 1, particles
@@ -97,6 +99,8 @@ contains
     call counting_sort(bucket_of, cells%buckets, cells%first, cells%particle)
 
     allocate (cells%x(particles), cells%y(particles))
+    call prefer_huge_pages(cells%x)
+    call prefer_huge_pages(cells%y)
     !$omp parallel do if (particles > worth_threads) default(none) schedule(static) &
     !$omp shared(particles, x, y, cells)
     do i = 1, particles
@@ -107,7 +111,7 @@ contains
   end subroutine build_cell_list
 
   !> Sort by small whole numbers in O(items + keys), keeping the order of equal ones.
-  pure subroutine counting_sort(key, keys, first, order)
+  subroutine counting_sort(key, keys, first, order)
     !> For each item a key between 1 and `keys`
     integer(ip), intent(in) :: key(:)
     !> Largest key
@@ -120,6 +124,7 @@ contains
 
     items = size(key, kind=ip)
     allocate (first(keys + 1), order(items))
+    call prefer_huge_pages(order)
     first = 0
     do item = 1, items
       first(key(item)) = first(key(item)) + 1

@@ -2,11 +2,14 @@
 !>
 !> All rows whose target particles share a cell share the work of looking around: the particles in
 !> reach of the cell are gathered once, sorted once by number, and each row is then one sweep over
-!> contiguous coordinates that leaves its neighbours already in ascending order. Every distance is
-!> computed once only: what a sweep finds is kept, and copied into the list when the lengths of
-!> all rows are known.
+!> contiguous coordinates that leaves its neighbours already in ascending order. Neighbours are
+!> counted first, and then written to where they belong: on vector units a distance costs less than
+!> to keep all that was found until the lengths of all rows are known. Rows of a cell may belong
+!> anywhere in the list, so they are written a batch at a time: a write to memory not in the cache
+!> is waited for by what is read after it.
 submodule(calor_neighbour_list) calor_neighbour_search
   use calor_cell_list, only: cell_list_t, build_cell_list, counting_sort
+  use calor_constants, only: worth_threads
   use calor_huge_pages, only: prefer_huge_pages
   use omp_lib, only: omp_get_max_threads
   implicit none (type, external)
@@ -15,13 +18,17 @@ submodule(calor_neighbour_list) calor_neighbour_search
   !> each of them in at most 2 ranges of buckets
   integer, parameter :: most_ranges = 14
 
-  !> Rows that one thread searches in one go, and what it found
-  type :: chunk_t
-    !> The rows, cell after cell
-    integer(ip), allocatable :: row(:)
-    !> Their neighbours, row after row
-    integer(ip), allocatable :: found(:)
-  end type chunk_t
+  !> Rows of similar radius, in the order of the cells that their target particles lie in; where
+  !> these are all particles, the cells say all
+  type :: sorted_rows_t
+    type(cell_list_t) :: cells
+    logical :: everyone = .false.
+    !> Where each bucket begins in `row`, and the rows
+    integer(ip), allocatable :: first(:), row(:)
+    !> Their targets, and where these are, m
+    integer(ip), allocatable :: particle(:)
+    real(wp), allocatable :: x(:), y(:)
+  end type sorted_rows_t
 
   !> The particles in reach of one cell, in ascending order, and room to sort them
   type :: candidates_t
@@ -32,7 +39,7 @@ submodule(calor_neighbour_list) calor_neighbour_search
     integer(ip) :: from(most_ranges), to(most_ranges)
     !> Particle numbers
     integer(ip), allocatable :: particle(:)
-    !> Coordinates, m
+    !> Coordinates, m; the last block of lanes is filled up
     real(wp), allocatable :: x(:), y(:)
     !> The same as they come from the cells
     integer(ip), allocatable :: raw_particle(:)
@@ -41,6 +48,8 @@ submodule(calor_neighbour_list) calor_neighbour_search
     integer(i8), allocatable :: key(:), spare(:)
     !> Where ascending runs of keys begin, and one past the end
     integer, allocatable :: run(:)
+    !> A bit for each that is near enough
+    integer(i8), allocatable :: mark(:)
   end type candidates_t
 
   !> Fewest rows that make a chunk worth its administration
@@ -51,6 +60,14 @@ submodule(calor_neighbour_list) calor_neighbour_search
   integer, parameter :: most_to_rank = 128
   !> Particles that are ranked at a time
   integer, parameter :: lanes = 16
+  !> Neighbours that are written down at a time: as many as fit into the first cache
+  integer, parameter :: batch = 4096
+  !> Distances that are compared at a time
+  integer, parameter :: distance_lanes = 8
+  !> Bits of a number, each for one candidate, and these numbered
+  integer, parameter :: bits = 64
+  integer :: number_of_bit
+  integer(i8), parameter :: bit(bits) = [(ishft(1_i8, number_of_bit - 1), number_of_bit=1, bits)]
 
 contains
 
@@ -67,55 +84,62 @@ contains
     real(wp), intent(in) :: x(:), y(:), radius(:)
     type(neighbour_list_t), intent(out) :: list
     integer(ip), intent(in), optional :: targets(:)
-    type(chunk_t), allocatable :: chunks(:)
+    type(sorted_rows_t) :: sorted
     integer(ip), allocatable :: octave_row(:), octave_first(:)
     integer(i8) :: place, length
-    integer :: chunk, chunk_rows, chunks_done, octave, row, rows
+    integer :: octave, pass, row, rows
+    logical :: everyone, sorted_before
 
     rows = size(x)
     if (present(targets)) rows = size(targets)
     allocate (list%target(rows), list%first(rows + 1))
+    call prefer_huge_pages(list%target)
+    call prefer_huge_pages(list%first)
+    !$omp parallel do if (rows > worth_threads) default(none) schedule(static) private(row) &
+    !$omp shared(rows, list, targets)
     do row = 1, rows
       list%target(row) = row
+      if (present(targets)) list%target(row) = targets(row)
       list%first(row) = 0
     end do
-    if (present(targets)) list%target = targets
+    !$omp end parallel do
 
     call sort_by_octave(radius, rows, octave_first, octave_row)
-    chunk_rows = max(least_rows, rows/(chunks_per_thread*omp_get_max_threads()))
-    allocate (chunks(rows/chunk_rows + size(octave_first)))
-    chunks_done = 0
-    do octave = 1, size(octave_first) - 1
-      associate (from => octave_first(octave), to => octave_first(octave + 1) - 1)
-        if (to < from) cycle
-        call search_octave(x, y, radius, list%target, octave_row(from:to), chunk_rows, &
-                           .not. present(targets) .and. to - from + 1 == rows, &
-                           list%first, chunks, chunks_done)
-      end associate
+    sorted_before = .false.
+    do pass = 1, 2
+      do octave = 1, size(octave_first) - 1
+        associate (from => octave_first(octave), to => octave_first(octave + 1) - 1)
+          if (to < from) cycle
+          everyone = .not. present(targets) .and. to - from + 1 == rows
+          if (.not. sorted_before) call sort_rows(x, y, radius, list%target, octave_row(from:to), &
+                                                  everyone, sorted)
+          ! Where all rows are sorted at once, the second pass finds them sorted
+          sorted_before = to - from + 1 == octave_first(size(octave_first)) - 1
+        end associate
+        if (pass == 1) then
+          call search_sorted(sorted, radius, list%first)
+        else
+          call search_sorted(sorted, radius, list%first, list%index)
+        end if
+      end do
+      if (pass == 2) exit
+      place = 1
+      do row = 1, rows
+        length = list%first(row)
+        list%first(row) = place
+        place = place + length
+      end do
+      list%first(rows + 1) = place
+      allocate (list%index(place - 1))
+      call prefer_huge_pages(list%index)
     end do
-
-    place = 1
-    do row = 1, rows
-      length = list%first(row)
-      list%first(row) = place
-      place = place + length
-    end do
-    list%first(rows + 1) = place
-    allocate (list%index(place - 1))
-    call prefer_huge_pages(list%index)
-    !$omp parallel do if (chunks_done > 1) default(none) shared(chunks, chunks_done, list) &
-    !$omp schedule(dynamic)
-    do chunk = 1, chunks_done
-      call put_in_place(chunks(chunk), list%first, list%index)
-    end do
-    !$omp end parallel do
   end subroutine search_all
 
   !> Part the rows by the binary exponent of their radius.
   !>
   !> Each octave of radii is searched with cells of its own size, so that a row with a small
   !> radius need not look through large cells, nor one with a large radius through many small ones.
-  pure subroutine sort_by_octave(radius, rows, first, row)
+  subroutine sort_by_octave(radius, rows, first, row)
     real(wp), intent(in) :: radius(:)
     integer, intent(in) :: rows
     !> Where each octave begins in `row`, and one past the end
@@ -126,13 +150,11 @@ contains
     integer :: lowest, highest, k
 
     if (size(radius) == 1) then
-      if (radius(1) > 0) then
-        first = [1, rows + 1]
-        row = [(k, k=1, rows)]
-      else
-        first = [1]
-        allocate (row(0))
-      end if
+      allocate (row(merge(rows, 0, radius(1) > 0)))
+      do k = 1, size(row)
+        row(k) = k
+      end do
+      first = [1, size(row) + 1]
       return
     end if
     lowest = huge(lowest)
@@ -158,43 +180,41 @@ contains
     row(:) = all_row(all_first(2):)
   end subroutine sort_by_octave
 
-  !> Search for the neighbours of some rows of similar radius.
-  subroutine search_octave(x, y, radius, target, rows, chunk_rows, everyone, length, &
-                           chunks, chunks_done)
+  !> Sort rows of similar radius by the cells of their targets.
+  subroutine sort_rows(x, y, radius, target, rows, everyone, sorted)
     real(wp), intent(in) :: x(:), y(:), radius(:)
     !> The particle of each row of the list
     integer(ip), intent(in) :: target(:)
     !> The rows to be searched
     integer(ip), intent(in) :: rows(:)
-    !> Rows per chunk
-    integer, intent(in) :: chunk_rows
     !> Whether these are all particles in their own order
     logical, intent(in) :: everyone
-    !> Number of neighbours of each row of the list
-    integer(i8), intent(inout) :: length(:)
-    !> What was found
-    type(chunk_t), intent(inout) :: chunks(:)
-    !> Number of chunks in use
-    integer, intent(inout) :: chunks_done
-    type(cell_list_t) :: cells
-    integer(ip), allocatable :: key(:), first(:), order(:)
+    type(sorted_rows_t), intent(out) :: sorted
+    integer(ip), allocatable :: key(:)
     integer :: k
 
-    call build_cell_list(x, y, cell_size(radius, rows), cells)
-    if (everyone) then
-      call search_chunks(cells, x, y, radius, target, cells%first, cells%particle, chunk_rows, &
-                         length, chunks, chunks_done)
-    else
-      allocate (key(size(rows)))
-      do k = 1, size(rows)
-        key(k) = cells%bucket(cells%column(x(target(rows(k)))), cells%row(y(target(rows(k)))))
-      end do
-      call counting_sort(key, cells%buckets, first, order)
-      order = rows(order)
-      call search_chunks(cells, x, y, radius, target, first, order, chunk_rows, length, &
-                         chunks, chunks_done)
-    end if
-  end subroutine search_octave
+    call build_cell_list(x, y, cell_size(radius, rows), sorted%cells)
+    sorted%everyone = everyone
+    if (everyone) return
+    allocate (key(size(rows)), sorted%particle(size(rows)))
+    allocate (sorted%x(size(rows)), sorted%y(size(rows)))
+    !$omp parallel do if (size(rows) > worth_threads) default(shared) schedule(static) private(k)
+    do k = 1, size(rows)
+      associate (particle => target(rows(k)), cells => sorted%cells)
+        key(k) = cells%bucket(cells%column(x(particle)), cells%row(y(particle)))
+      end associate
+    end do
+    !$omp end parallel do
+    call counting_sort(key, sorted%cells%buckets, sorted%first, sorted%row)
+    !$omp parallel do if (size(rows) > worth_threads) default(shared) schedule(static) private(k)
+    do k = 1, size(rows)
+      sorted%row(k) = rows(sorted%row(k))
+      sorted%particle(k) = target(sorted%row(k))
+      sorted%x(k) = x(sorted%particle(k))
+      sorted%y(k) = y(sorted%particle(k))
+    end do
+    !$omp end parallel do
+  end subroutine sort_rows
 
   !> A good edge of cells for some radii of one octave.
   pure function cell_size(radius, rows) result(edge)
@@ -221,83 +241,120 @@ contains
     edge = 1.002_wp*edge
   end function cell_size
 
-  !> Search for the neighbours of rows that are sorted by the buckets of their targets.
-  subroutine search_chunks(cells, x, y, radius, target, first, row, chunk_rows, length, &
-                           chunks, chunks_done)
-    type(cell_list_t), intent(in) :: cells
-    real(wp), intent(in) :: x(:), y(:), radius(:)
-    !> The particle of each row of the list
-    integer(ip), intent(in) :: target(:)
-    !> Where each bucket begins in `row`, and the rows
-    integer(ip), intent(in) :: first(:), row(:)
-    !> Rows per chunk
-    integer, intent(in) :: chunk_rows
-    !> Number of neighbours of each row of the list
-    integer(i8), intent(inout) :: length(:)
-    type(chunk_t), intent(inout) :: chunks(:)
-    integer, intent(inout) :: chunks_done
-    integer :: chunk, chunks_new, from, to
+  !> Count the neighbours of rows, or write them down.
+  subroutine search_sorted(sorted, radius, first, index)
+    type(sorted_rows_t), intent(in) :: sorted
+    real(wp), intent(in) :: radius(:)
+    !> Number of neighbours of each row, or where they begin in `index`
+    integer(i8), intent(inout), contiguous :: first(:)
+    !> Neighbours, row after row
+    integer(ip), intent(inout), optional :: index(:)
 
-    chunks_new = (size(row) + chunk_rows - 1)/chunk_rows
-    !$omp parallel do if (chunks_new > 1) default(none) private(from, to) schedule(dynamic) &
-    !$omp shared(chunks_new, chunks_done, chunk_rows, chunks, cells, x, y, radius, target) &
-    !$omp shared(first, row, length)
-    do chunk = 1, chunks_new
+    associate (cells => sorted%cells)
+      if (sorted%everyone) then
+        call search_chunks(cells, cells%first, cells%particle, cells%particle, cells%x, cells%y, &
+                           radius, first, index)
+      else
+        call search_chunks(cells, sorted%first, sorted%row, sorted%particle, sorted%x, sorted%y, &
+                           radius, first, index)
+      end if
+    end associate
+  end subroutine search_sorted
+
+  subroutine search_chunks(cells, bucket_first, row, particle, x, y, radius, first, index)
+    type(cell_list_t), intent(in) :: cells
+    !> Where the rows of each bucket begin, the rows, their targets and where these are, m
+    integer(ip), intent(in), contiguous :: bucket_first(:), row(:), particle(:)
+    real(wp), intent(in), contiguous :: x(:), y(:)
+    real(wp), intent(in) :: radius(:)
+    integer(i8), intent(inout), contiguous :: first(:)
+    integer(ip), intent(inout), optional :: index(:)
+    integer :: chunk, chunk_rows, chunks, from, to
+
+    chunk_rows = max(least_rows, size(row)/(chunks_per_thread*omp_get_max_threads()))
+    chunks = (size(row) + chunk_rows - 1)/chunk_rows
+    !$omp parallel do if (chunks > 1) default(none) private(from, to) schedule(dynamic) &
+    !$omp shared(chunks, chunk_rows, cells, bucket_first, row, particle, x, y, radius, first, index)
+    do chunk = 1, chunks
       from = (chunk - 1)*chunk_rows + 1
       to = min(chunk*chunk_rows, size(row))
-      call search_chunk(cells, x, y, radius, target, first, row, from, to, length, &
-                        chunks(chunks_done + chunk))
+      call search_chunk(cells, bucket_first, row, particle, x, y, radius, from, to, first, index)
     end do
     !$omp end parallel do
-    chunks_done = chunks_done + chunks_new
   end subroutine search_chunks
 
-  !> Search for the neighbours of the rows of one chunk.
-  subroutine search_chunk(cells, x, y, radius, target, first, row, from, to, length, chunk)
+  !> Count the neighbours of the rows of one chunk, or write them down.
+  subroutine search_chunk(cells, bucket_first, row, particle, x, y, radius, from, to, first, index)
     type(cell_list_t), intent(in) :: cells
-    real(wp), intent(in) :: x(:), y(:), radius(:)
-    integer(ip), intent(in) :: target(:)
-    integer(ip), intent(in) :: first(:), row(:)
+    integer(ip), intent(in), contiguous :: bucket_first(:), row(:), particle(:)
+    real(wp), intent(in), contiguous :: x(:), y(:)
+    real(wp), intent(in) :: radius(:)
     !> First and last of the rows of this chunk
     integer, intent(in) :: from, to
-    integer(i8), intent(inout) :: length(:)
-    type(chunk_t), intent(inout) :: chunk
+    integer(i8), intent(inout), contiguous :: first(:)
+    integer(ip), intent(inout), optional :: index(:)
     type(candidates_t) :: candidates
+    integer(ip), allocatable :: found(:)
     real(wp) :: r, reach
-    integer(i8) :: column, found, found_before, row_of_cells
-    integer :: k, last, particle, slot
+    integer(i8) :: column, row_of_cells
+    integer, allocatable :: counted(:)
+    integer :: k, last, other, own, used, written
 
-    chunk%row = row(from:to)
-    ! Room for a usual number of neighbours. What is not used costs nothing.
-    allocate (chunk%found(32_i8*size(chunk%row)))
-    call prefer_huge_pages(chunk%found)
-    found = 0
+    allocate (found(batch))
+    if (.not. present(index)) allocate (counted(from:to))
+    used = 0
+    written = from - 1
     last = from - 1
     do while (last < to)
       k = last + 1
-      particle = target(row(k))
-      column = cells%column(x(particle))
-      row_of_cells = cells%row(y(particle))
-      last = min(first(cells%bucket(column, row_of_cells) + 1) - 1, to)
+      column = cells%column(x(k))
+      row_of_cells = cells%row(y(k))
+      last = min(bucket_first(cells%bucket(column, row_of_cells) + 1) - 1, to)
       if (cells%shared) last = last_in_cell(k, last)
       reach = radius_of(k)
       if (size(radius) > 1) then
-        do particle = k + 1, last
-          reach = max(reach, radius_of(particle))
+        do other = k + 1, last
+          reach = max(reach, radius_of(other))
         end do
       end if
       call gather_candidates(cells, column, row_of_cells, reach, candidates)
 
-      do k = k, last
-        slot = place_in(candidates%particle(:candidates%number), target(row(k)))
-        call make_room(chunk%found, found, candidates%number)
-        found_before = found
-        r = radius_of(k)
-        call append_within(candidates%number, candidates%particle, candidates%x, candidates%y, &
-                           slot, r*r, chunk%found, found)
-        length(row(k)) = found - found_before
-      end do
+      if (present(index)) then
+        call sort_candidates(candidates)
+        do k = k, last
+          if (used + candidates%number > size(found)) then
+            call write_rows(row(written + 1:k - 1), found, first, index)
+            written = k - 1
+            used = 0
+            if (candidates%number > size(found)) then
+              deallocate (found)
+              allocate (found(2*candidates%number))
+            end if
+          end if
+          r = radius_of(k)
+          call mark_within(candidates%number, candidates%x, candidates%y, x(k), &
+                           y(k), r*r, candidates%mark)
+          own = place_in(candidates%particle(:candidates%number), particle(k))
+          call unmark(candidates%mark, own)
+          call append_marked(candidates, found, used)
+        end do
+      else
+        do k = k, last
+          r = radius_of(k)
+          call mark_within(candidates%number, candidates%raw_x, candidates%raw_y, x(k), &
+                           y(k), r*r, candidates%mark)
+          ! Without itself, which is nearer than any radius that is not lost when squared
+          counted(k) = max(0, number_marked(candidates) - 1)
+        end do
+      end if
     end do
+    if (present(index)) then
+      call write_rows(row(written + 1:to), found, first, index)
+    else
+      do k = from, to
+        first(row(k)) = counted(k)
+      end do
+    end if
 
   contains
 
@@ -316,42 +373,107 @@ contains
       integer :: last
 
       do last = k, limit - 1
-        if (cells%column(x(target(row(last + 1)))) /= column) exit
-        if (cells%row(y(target(row(last + 1)))) /= row_of_cells) exit
+        if (cells%column(x(last + 1)) /= column) exit
+        if (cells%row(y(last + 1)) /= row_of_cells) exit
       end do
     end function last_in_cell
 
   end subroutine search_chunk
 
-  !> Append the particles nearer to candidate `slot` than a radius, without itself.
-  pure subroutine append_within(number, particle, x, y, slot, radius_squared, found, last)
+  !> Mark the particles nearer to a place than a radius.
+  !>
+  !> One loop body, without remainders, for all pairs and both passes: rounded differently, lists
+  !> might lose their symmetry, or rows have other lengths than were counted.
+  pure subroutine mark_within(number, x, y, x_own, y_own, radius_squared, mark)
     integer, intent(in) :: number
-    integer(ip), intent(in) :: particle(number)
-    real(wp), intent(in) :: x(number), y(number)
-    integer, intent(in) :: slot
-    real(wp), intent(in) :: radius_squared
-    !> With room for all candidates after `last`
+    !> Coordinates, m, the last block of lanes filled up
+    real(wp), intent(in), contiguous :: x(:), y(:)
+    real(wp), intent(in) :: x_own, y_own, radius_squared
+    !> `bits` of each number in turn, the lowest first
+    integer(i8), intent(inout), contiguous :: mark(:)
+    integer(i8) :: word
+    integer :: before, k, last, place
+
+    do k = 1, (number - 1)/bits + 1
+      before = bits*(k - 1)
+      last = distance_lanes*((min(number - before, bits) - 1)/distance_lanes + 1)
+      word = 0
+      !$omp simd reduction(ior: word)
+      do place = 1, last
+        word = ior(word, merge(bit(place), 0_i8, (x(before + place) - x_own)**2 + &
+                               (y(before + place) - y_own)**2 < radius_squared))
+      end do
+      ! Without what was filled up
+      mark(k) = iand(word, maskr(min(number - before, bits), i8))
+    end do
+  end subroutine mark_within
+
+  !> Take a mark back.
+  pure subroutine unmark(mark, place)
+    integer(i8), intent(inout) :: mark(:)
+    !> Whose mark
+    integer, intent(in) :: place
+
+    associate (word => mark((place - 1)/bits + 1))
+      word = ibclr(word, mod(place - 1, bits))
+    end associate
+  end subroutine unmark
+
+  pure function number_marked(candidates) result(number)
+    type(candidates_t), intent(in) :: candidates
+    integer :: number
+    integer :: k
+
+    number = 0
+    do k = 1, (candidates%number - 1)/bits + 1
+      number = number + popcnt(candidates%mark(k))
+    end do
+  end function number_marked
+
+  !> Append the marked particles.
+  pure subroutine append_marked(candidates, found, used)
+    type(candidates_t), intent(in) :: candidates
+    !> With room for all candidates
     integer(ip), intent(inout), contiguous :: found(:)
     !> Number of particles in `found`
-    integer(i8), intent(inout) :: last
-    real(wp) :: x_slot, y_slot
-    integer :: from(2), k, part, to(2)
+    integer, intent(inout) :: used
+    integer(i8) :: left
+    integer :: k
 
-    x_slot = x(slot)
-    y_slot = y(slot)
-    from = [1, slot + 1]
-    to = [slot - 1, number]
-    ! One loop body for both parts: rounded differently, lists might lose their symmetry
-    do part = 1, 2
-      do k = from(part), to(part)
-        ! Each is written, and kept by counting on: a branch would often be guessed wrongly
-        found(last + 1) = particle(k)
-        last = last + merge(1, 0, (x(k) - x_slot)**2 + (y(k) - y_slot)**2 < radius_squared)
+    do k = 1, (candidates%number - 1)/bits + 1
+      left = candidates%mark(k)
+      do while (left /= 0)
+        used = used + 1
+        found(used) = candidates%particle(bits*(k - 1) + trailz(left) + 1)
+        left = iand(left, left - 1)
       end do
     end do
-  end subroutine append_within
+  end subroutine append_marked
 
-  !> Gather, in ascending order, all particles that may be within reach of those in a cell.
+  !> Write rows to where they belong in the list.
+  pure subroutine write_rows(row, found, first, index)
+    !> Which rows
+    integer(ip), intent(in), contiguous :: row(:)
+    !> Their neighbours, row after row
+    integer(ip), intent(in), contiguous :: found(:)
+    !> Where rows begin in the list, and the list
+    integer(i8), intent(in), contiguous :: first(:)
+    integer(ip), intent(inout) :: index(:)
+    integer(i8) :: begin
+    integer :: entry, k, length, taken
+
+    taken = 0
+    do k = 1, size(row)
+      begin = first(row(k))
+      length = int(first(row(k) + 1) - begin)
+      do entry = 1, length
+        index(begin + entry - 1) = found(taken + entry)
+      end do
+      taken = taken + length
+    end do
+  end subroutine write_rows
+
+  !> Gather all particles that may be within reach of those in a cell.
   pure subroutine gather_candidates(cells, column, row, reach, candidates)
     type(cell_list_t), intent(in) :: cells
     !> The cell
@@ -380,13 +502,34 @@ contains
         end if
       end do
     end do
+    call fill_up(candidates%number, candidates%raw_x)
+    call fill_up(candidates%number, candidates%raw_y)
+  end subroutine gather_candidates
+
+  !> Put candidates into ascending order.
+  pure subroutine sort_candidates(candidates)
+    type(candidates_t), intent(inout) :: candidates
+
     if (candidates%number <= most_to_rank) then
       call sort_by_ranking(candidates%number, candidates%raw_particle, candidates%raw_x, &
                            candidates%raw_y, candidates%particle, candidates%x, candidates%y)
     else
       call sort_by_merging(candidates)
     end if
-  end subroutine gather_candidates
+    call fill_up(candidates%number, candidates%x)
+    call fill_up(candidates%number, candidates%y)
+  end subroutine sort_candidates
+
+  !> Fill up the last block of coordinates with one that is among them.
+  pure subroutine fill_up(number, coordinate)
+    integer, intent(in) :: number
+    real(wp), intent(inout) :: coordinate(:)
+    integer :: k
+
+    do k = number + 1, distance_lanes*((number - 1)/distance_lanes + 1)
+      coordinate(k) = coordinate(1)
+    end do
+  end subroutine fill_up
 
   !> Append the particles of a range of buckets, unsorted.
   pure subroutine take_buckets(cells, from, to, candidates)
@@ -573,20 +716,6 @@ contains
     end do
   end function place_in
 
-  !> Make sure that so many more elements fit behind those in use.
-  pure subroutine make_room(found, used, more)
-    integer(ip), allocatable, intent(inout) :: found(:)
-    integer(i8), intent(in) :: used
-    integer, intent(in) :: more
-    integer(ip), allocatable :: larger(:)
-
-    ! One more than can be found, as the sweep writes before it counts
-    if (used + more + 1 <= size(found, kind=i8)) return
-    allocate (larger(2*size(found, kind=i8) + more + 1))
-    larger(:used) = found(:used)
-    call move_alloc(larger, found)
-  end subroutine make_room
-
   !> Make sure that so many candidates fit, and keep those that are there unsorted.
   pure subroutine reserve(candidates, most)
     type(candidates_t), intent(inout) :: candidates
@@ -598,10 +727,11 @@ contains
     if (allocated(candidates%x)) then
       if (most <= size(candidates%x)) return
     end if
-    size_new = max(2*most_to_rank, most + most/2)
+    size_new = bits*((max(2*most_to_rank, most + most/2) - 1)/bits + 1)
     allocate (larger%particle(size_new), larger%x(size_new), larger%y(size_new))
     allocate (larger%raw_particle(size_new), larger%raw_x(size_new), larger%raw_y(size_new))
     allocate (larger%key(size_new), larger%spare(size_new), larger%run(size_new + 1))
+    allocate (larger%mark(size_new/bits))
     if (candidates%number > 0) then
       associate (kept => candidates%number)
         larger%raw_particle(:kept) = candidates%raw_particle(:kept)
@@ -618,26 +748,7 @@ contains
     call move_alloc(larger%key, candidates%key)
     call move_alloc(larger%spare, candidates%spare)
     call move_alloc(larger%run, candidates%run)
+    call move_alloc(larger%mark, candidates%mark)
   end subroutine reserve
-
-  !> Copy what a chunk found to where it belongs in the list.
-  pure subroutine put_in_place(chunk, first, index)
-    type(chunk_t), intent(inout) :: chunk
-    integer(i8), intent(in) :: first(:)
-    integer(ip), intent(inout) :: index(:)
-    integer(i8) :: entry, length, start, taken
-    integer :: k
-
-    taken = 0
-    do k = 1, size(chunk%row)
-      length = first(chunk%row(k) + 1) - first(chunk%row(k))
-      start = first(chunk%row(k)) - 1
-      do entry = 1, length
-        index(start + entry) = chunk%found(taken + entry)
-      end do
-      taken = taken + length
-    end do
-    deallocate (chunk%found, chunk%row)
-  end subroutine put_in_place
 
 end submodule calor_neighbour_search

@@ -11,6 +11,7 @@ module calor_skin_list
   use calor_constants, only: worth_threads
   use calor_kinds, only: wp, ip, i8
   use calor_neighbour_list, only: neighbour_list_t, build_neighbour_list
+  use calor_saved_state, only: saved_state_t
   implicit none (type, external)
   private
 
@@ -41,6 +42,9 @@ module calor_skin_list
     procedure :: select => select_neighbours
     !> Memory that it takes, bytes
     procedure :: bytes
+    !> Lay aside what it was built for, and build it again
+    procedure :: save => save_skin_list
+    procedure :: restore => restore_skin_list
   end type skin_list_t
 
 contains
@@ -61,6 +65,36 @@ contains
     this%y = y
     this%builds = this%builds + 1
   end subroutine build
+
+  subroutine save_skin_list(this, state)
+    class(skin_list_t), intent(in) :: this
+    type(saved_state_t), intent(inout) :: state
+
+    call state%enter('skin_list')
+    call state%put('x', this%x)
+    call state%put('y', this%y)
+    call state%put('reach', this%reach)
+    call state%put('skin', this%skin)
+    call state%put('builds', this%builds)
+    call state%leave()
+  end subroutine save_skin_list
+
+  subroutine restore_skin_list(this, state)
+    class(skin_list_t), intent(inout) :: this
+    type(saved_state_t), intent(inout) :: state
+    real(wp), allocatable :: x(:), y(:), reach(:)
+    real(wp) :: skin
+
+    skin = this%skin
+    call state%enter('skin_list')
+    call state%get('x', x)
+    call state%get('y', y)
+    call state%get('reach', reach)
+    call state%get('skin', skin)
+    if (.not. allocated(state%problem)) call this%build(x, y, reach, skin)
+    call state%get('builds', this%builds)
+    call state%leave()
+  end subroutine restore_skin_list
 
   !> Both tests; the second one costs a pass over all pairs.
   function is_outdated(this, x, y) result(answer)

@@ -10,11 +10,13 @@
 !> A.R. Bishop, SIAM J. Sci. Comput. 36 (2014) C401–C423.)
 !>
 !> The sums are those of `sparse_operator_t`, taken in the same order whatever the number of
-!> threads.
+!> threads. On large clouds a sweep takes as long as its bytes take from memory, most of which are
+!> weights: they may be kept as single precision numbers. Products and sums have double precision
+!> all the same, and constants stay steady.
 module calor_streamed_rows
   use calor_constants, only: worth_threads
   use calor_huge_pages, only: prefer_huge_pages
-  use calor_kinds, only: wp, ip, i8
+  use calor_kinds, only: wp, sp, ip, i8
   use calor_sparse_operator, only: sparse_operator_t
   implicit none (type, external)
   private
@@ -40,7 +42,11 @@ module calor_streamed_rows
     !> Entries, in units of `lanes`, that lie before a slice; one element more than slices
     integer(i8), allocatable :: before(:)
     integer(ip), allocatable :: index(:)
+    !> Weights, in one precision or the other, in units of `scale`
     real(wp), allocatable :: weight(:)
+    real(sp), allocatable :: short_weight(:)
+    !> A power of 2 that keeps weights in the range of single precision; else 1
+    real(wp) :: scale = 1.0_wp
     !> What sticks out of the slices: how much lies before each slice, and lane, index and weight
     integer(i8), allocatable :: over_before(:)
     integer(ip), allocatable :: over_lane(:), over_index(:)
@@ -62,13 +68,16 @@ contains
 
   !> Lay out rows. Not done, so that the result stands for nothing, where rows have a diagonal that
   !> is not minus the sum of the others, or particles have several rows.
-  subroutine lay_out(this, operator, particles)
+  subroutine lay_out(this, operator, particles, single)
     class(streamed_rows_t), intent(out) :: this
     !> The rows
     type(sparse_operator_t), intent(in) :: operator
     !> Number of particles
     integer, intent(in) :: particles
+    !> Whether to keep weights in single precision; without it not
+    logical, intent(in), optional :: single
     integer(ip), allocatable :: row_of(:)
+    logical :: short
     integer, allocatable :: length(:)
     integer :: row, slice
 
@@ -92,11 +101,20 @@ contains
     call measure_slices(this, length)
     associate (entries => lanes*this%before(this%slices + 1), &
                more => this%over_before(this%slices + 1))
-      allocate (this%index(entries), this%weight(entries))
+      short = .false.
+      if (present(single)) short = single
+      allocate (this%index(entries))
+      if (short) then
+        allocate (this%short_weight(entries))
+        call prefer_huge_pages(this%short_weight)
+        this%scale = scale_of(operator%weight)
+      else
+        allocate (this%weight(entries))
+        call prefer_huge_pages(this%weight)
+      end if
       allocate (this%over_lane(more), this%over_index(more), this%over_weight(more))
     end associate
     call prefer_huge_pages(this%index)
-    call prefer_huge_pages(this%weight)
     ! Every thread is the first to touch what it will stream through
     !$omp parallel do if (particles > worth_threads) schedule(static) default(shared) private(slice)
     do slice = 1, this%slices
@@ -104,6 +122,21 @@ contains
     end do
     !$omp end parallel do
   end subroutine lay_out
+
+  !> The power of 2 next to the largest magnitude of some numbers, 1 where all are 0
+  pure function scale_of(weight) result(scale)
+    real(wp), intent(in) :: weight(:)
+    real(wp) :: scale
+    real(wp) :: largest
+    integer(i8) :: k
+
+    largest = 0
+    do k = 1, size(weight, kind=i8)
+      largest = max(largest, abs(weight(k)))
+    end do
+    scale = 1
+    if (largest > 0) scale = 2.0_wp**(exponent(largest) - 1)
+  end function scale_of
 
   !> Which particle goes where: window after window, the longest rows first, equal ones in their
   !> order.
@@ -166,6 +199,7 @@ contains
     integer, intent(in) :: length(:)
     integer, intent(in) :: slice
     integer(i8) :: from, place, over
+    real(wp) :: weight
     integer(ip) :: particle
     integer :: k, lane, width, row_length
 
@@ -183,17 +217,22 @@ contains
         place = lane + lanes*(this%before(slice) + k - 1)
         if (k <= row_length) then
           this%index(place) = operator%index(from + k - 1)
-          this%weight(place) = operator%weight(from + k - 1)
+          weight = operator%weight(from + k - 1)/this%scale
         else
           this%index(place) = max(1_ip, particle)
-          this%weight(place) = 0
+          weight = 0
+        end if
+        if (allocated(this%weight)) then
+          this%weight(place) = weight
+        else
+          this%short_weight(place) = real(weight, sp)
         end if
       end do
       do k = width + 1, row_length
         over = over + 1
         this%over_lane(over) = lane
         this%over_index(over) = operator%index(from + k - 1)
-        this%over_weight(over) = operator%weight(from + k - 1)
+        this%over_weight(over) = operator%weight(from + k - 1)/this%scale
       end do
     end do
   end subroutine fill_slice
@@ -216,16 +255,17 @@ contains
     real(wp), intent(in), contiguous :: u(:)
     !> Field over all particles
     real(wp), intent(inout), contiguous :: derivative(:)
-    real(wp) :: total(lanes), own(lanes)
+    real(wp) :: total(lanes), own(lanes), scaled
     integer :: slice, lane, last
 
+    scaled = factor*this%scale
     !$omp parallel do if (this%particles > worth_threads) schedule(static) default(shared) &
     !$omp private(slice, lane, last, total, own)
     do slice = 1, this%slices
       last = min(lanes, this%particles - lanes*(slice - 1))
       call sum_slice(this, slice, last, u, own, total)
       do lane = 1, last
-        derivative(this%particle(lane + lanes*(slice - 1))) = factor*total(lane)
+        derivative(this%particle(lane + lanes*(slice - 1))) = scaled*total(lane)
       end do
     end do
     !$omp end parallel do
@@ -240,9 +280,11 @@ contains
     real(wp), intent(in), contiguous :: newer(:)
     real(wp), intent(inout), contiguous :: older(:)
     real(wp), intent(in), contiguous, optional :: start(:), rate_start(:)
-    real(wp) :: total(lanes), own(lanes)
+    real(wp) :: total(lanes), own(lanes), scaled
     integer :: i, slice, lane, last
     logical :: with_start
+
+    scaled = c(5)*this%scale
 
     with_start = present(start) .and. present(rate_start)
     !$omp parallel do if (this%particles > worth_threads) schedule(static) default(shared) &
@@ -254,19 +296,19 @@ contains
         do lane = 1, last
           i = this%particle(lane + lanes*(slice - 1))
           older(i) = c(1)*own(lane) + c(2)*older(i) + c(3)*start(i) + c(4)*rate_start(i) + &
-                     c(5)*total(lane)
+                     scaled*total(lane)
         end do
       else
         do lane = 1, last
           i = this%particle(lane + lanes*(slice - 1))
-          older(i) = c(1)*own(lane) + c(2)*older(i) + c(5)*total(lane)
+          older(i) = c(1)*own(lane) + c(2)*older(i) + scaled*total(lane)
         end do
       end if
     end do
     !$omp end parallel do
   end subroutine combine
 
-  !> Σ a_ij (u_j - u_i) of the rows of a slice, and their u_i.
+  !> Σ a_ij (u_j - u_i) of the rows of a slice, in units of the weights' scale, and their u_i.
   pure subroutine sum_slice(this, slice, last, u, own, total)
     type(streamed_rows_t), intent(in) :: this
     !> The slice, and its last lane in use
@@ -281,12 +323,22 @@ contains
       own(lane) = u(this%particle(lane + lanes*(slice - 1)))
     end do
     total = 0
-    do k = lanes*this%before(slice), lanes*this%before(slice + 1) - lanes, lanes
-      !$omp simd
-      do lane = 1, lanes
-        total(lane) = total(lane) + this%weight(k + lane)*(u(this%index(k + lane)) - own(lane))
+    if (allocated(this%weight)) then
+      do k = lanes*this%before(slice), lanes*this%before(slice + 1) - lanes, lanes
+        !$omp simd
+        do lane = 1, lanes
+          total(lane) = total(lane) + this%weight(k + lane)*(u(this%index(k + lane)) - own(lane))
+        end do
       end do
-    end do
+    else
+      do k = lanes*this%before(slice), lanes*this%before(slice + 1) - lanes, lanes
+        !$omp simd
+        do lane = 1, lanes
+          total(lane) = total(lane) + real(this%short_weight(k + lane), wp)* &
+                        (u(this%index(k + lane)) - own(lane))
+        end do
+      end do
+    end if
     do entry = this%over_before(slice) + 1, this%over_before(slice + 1)
       associate (l => this%over_lane(entry))
         total(l) = total(l) + this%over_weight(entry)*(u(this%over_index(entry)) - own(l))
@@ -299,14 +351,18 @@ contains
     integer(i8) :: number
 
     number = 0
-    if (.not. allocated(this%weight)) return
+    if (.not. allocated(this%index)) return
     number = (size(this%particle, kind=i8)*storage_size(this%particle) + &
               2*size(this%before, kind=i8)*storage_size(this%before) + &
               size(this%index, kind=i8)*storage_size(this%index) + &
-              size(this%weight, kind=i8)*storage_size(this%weight) + &
               size(this%over_lane, kind=i8)*storage_size(this%over_lane) + &
               size(this%over_index, kind=i8)*storage_size(this%over_index) + &
               size(this%over_weight, kind=i8)*storage_size(this%over_weight))/8
+    if (allocated(this%weight)) then
+      number = number + size(this%weight, kind=i8)*storage_size(this%weight)/8
+    else
+      number = number + size(this%short_weight, kind=i8)*storage_size(this%short_weight)/8
+    end if
   end function bytes
 
 end module calor_streamed_rows

@@ -32,12 +32,15 @@ contains
     real(wp), intent(in) :: stored(:)
     character(len=:), allocatable :: script
     character(len=*), parameter :: time_range = 'set xrange ['
-    integer :: k
+    integer :: k, power_scale, stored_scale
 
+    power_scale = thousands(max(maxval(abs(power(2:, :))), maxval(abs(stored_rate(2:)))))
+    stored_scale = thousands(maxval(abs(stored)))
     script = '$budget << end_of_data'//end
     do k = 1, size(time)
-      script = script//to_text(time(k), digits=12)//' '//to_text(stored(k), digits=9)//' '// &
-               to_text(stored_rate(k), digits=9)//numbers(power(k, :))//end
+      script = script//to_text(time(k), digits=12)//' '//&
+               scaled(stored(k), stored_scale)//' '//scaled(stored_rate(k), power_scale)// &
+               numbers(power(k, :), power_scale)//end
     end do
     script = script//'end_of_data'//end//'set multiplot'//end//'set tics out nomirror'//end// &
              'set border 3 linewidth 0.7'//end//'set lmargin at screen 0.19'//end// &
@@ -48,9 +51,11 @@ contains
              to_text(time(size(time)), digits=9)//']'//end// &
              'set tmargin at screen 0.90'//end//'set bmargin at screen 0.52'//end// &
              'set title "'//in_script(title)//'" noenhanced font ",19"'//end// &
-             'set ylabel "heat into the body, W per m depth" offset -1,0'//end// &
+             'set ylabel "heat into the body\n'//factor(power_scale)//'W per m depth" '// &
+             'offset -1.5,0'//end// &
              'set format x ""'//end// &
-             usual_range(power, stored_rate)//'plot '
+             usual_range(power*10.0_wp**(-power_scale), stored_rate*10.0_wp**(-power_scale))// &
+             'set ytics autofreq'//end//'plot '
     do k = 1, size(account)
       script = script//'$budget using 1:'//to_text(k + 3)//' with linespoints linewidth 2 '// &
                'pointtype 7 pointsize 0.6 linecolor "'//colours(1 + mod(k - 1, size(colours)))// &
@@ -61,19 +66,49 @@ contains
              'unset title'//end//'set tmargin at screen 0.46'//end// &
              'set bmargin at screen 0.11'//end//'set format x "%g"'//end// &
              'set autoscale y'//end//'unset key'//end//'set xlabel "t, s"'//end// &
-             'set ylabel "heat stored, J per m depth" offset -1,0'//end// &
+             'set ylabel "heat stored\n'//factor(stored_scale)//'J per m depth" '// &
+             'offset -1.5,0'//end// &
              'plot $budget using 1:2 with linespoints linewidth 2 pointtype 7 pointsize 0.6 '// &
              'linecolor "#000000"'//end//'unset multiplot'//end
   end function budget_picture
 
-  pure function numbers(values) result(text)
+  !> The power of ten, a multiple of 3, that brings numbers up to the largest below 1000.
+  pure function thousands(largest) result(power)
+    real(wp), intent(in) :: largest
+    integer :: power
+
+    power = 0
+    if (largest >= 1.0e4_wp .or. (largest > 0 .and. largest < 1.0e-2_wp)) then
+      power = 3*floor(log10(largest)/3)
+    end if
+  end function thousands
+
+  !> How a power of ten is written before a unit
+  pure function factor(power) result(text)
+    integer, intent(in) :: power
+    character(len=:), allocatable :: text
+
+    text = ''
+    if (power /= 0) text = '10^{'//to_text(power)//'} '
+  end function factor
+
+  pure function scaled(value, power) result(text)
+    real(wp), intent(in) :: value
+    integer, intent(in) :: power
+    character(len=:), allocatable :: text
+
+    text = to_text(value*10.0_wp**(-power), digits=9)
+  end function scaled
+
+  pure function numbers(values, power) result(text)
     real(wp), intent(in) :: values(:)
+    integer, intent(in) :: power
     character(len=:), allocatable :: text
     integer :: k
 
     text = ''
     do k = 1, size(values)
-      text = text//' '//to_text(values(k), digits=9)
+      text = text//' '//scaled(values(k), power)
     end do
   end function numbers
 

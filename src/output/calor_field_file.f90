@@ -30,7 +30,8 @@ module calor_field_file
   use calor_error, only: error_t, raise, status_bad_file
   use calor_file_system, only: look_at_path, path_missing, path_file, path_folder, &
                                path_unreachable, parent_folder, resolved_path, write_obstacle, &
-                               rename_file, remove_file, try_writing, reserve_space, cut_file
+                               rename_file, remove_file, link_file, try_writing, reserve_space, &
+                               cut_file
   use calor_hdf5, only: start_hdf5, hdf5_silence_t, hdf5_reason, hdf5_descriptor
   use calor_kinds, only: wp, i8
   use calor_text, only: text_t, to_text
@@ -180,6 +181,8 @@ module calor_field_file
     procedure :: flush => flush_file
     !> Give the file its final name; writing goes on
     procedure :: publish
+    !> Change names with another copy of the same file that has the final name
+    procedure :: exchange_with
     !> Complete the file, publish it if that has not been done, and let go of it
     procedure :: close => close_file
     !> Let go of the file, and remove it unless it is published
@@ -197,7 +200,7 @@ contains
   ! ---------------------------------------------------------------------------------------------
 
   !> Begin a file with its particles. What is at `path`, if anything, stays there until `publish`.
-  subroutine create(this, path, x, y, error, moving, for_others)
+  subroutine create(this, path, x, y, error, moving, suffix, for_others)
     class(field_file_t), intent(out) :: this
     !> The name of the file; its folder must exist
     character(len=*), intent(in) :: path
@@ -207,6 +210,8 @@ contains
     type(error_t), allocatable, intent(out) :: error
     !> Whether steps may have places of their own; those given are those of the first step then
     logical, intent(in), optional :: moving
+    !> What the file is called beside its target until it is published; without it '.partial'
+    character(len=*), intent(in), optional :: suffix
     !> Only for `create_for_others`: how many particles there are, of which nothing is written
     integer, intent(in), optional :: for_others
     !> A place, a cell's type and its entries in two tables
@@ -228,6 +233,7 @@ contains
     ! A link keeps pointing to where the user wants the data: the file behind it is replaced.
     this%target_path = resolved_path(this%path)
     this%temporary_path = this%target_path//'.partial'
+    if (present(suffix)) this%temporary_path = this%target_path//suffix
 
     ! HDF5 needs some room even to begin a file and give it up again.
     call try_writing(this%temporary_path, room_for_records, reason)
@@ -372,6 +378,54 @@ contains
     end if
     this%is_published = .true.
   end subroutine publish
+
+  !> Change names with another copy of the same file that has the final name. At every moment one of
+  !> them has it, and both have one.
+  subroutine exchange_with(this, other, exchanged, error)
+    class(field_file_t), intent(inout) :: this
+    !> The other copy, published
+    type(field_file_t), intent(inout) :: other
+    !> Whether that could be done: not every file system knows second names of a file
+    logical, intent(out) :: exchanged
+    !> The names are not what they should be
+    type(error_t), allocatable, intent(out) :: error
+    character(len=:), allocatable :: spare, reason
+
+    exchanged = .false.
+    if (.not. this%ready(error)) return
+    spare = this%target_path//'.spare'
+    call remove_file(spare, reason)
+    call link_file(this%target_path, spare, reason)
+    if (reason /= '') then
+      ! The folder may be gone, or not be written into any more.
+      call look_at_target(reason)
+      if (reason /= '') call this%fail(reason, error)
+      return
+    end if
+    call rename_file(this%temporary_path, this%target_path, reason)
+    if (reason == '') call rename_file(spare, this%temporary_path, reason)
+    if (reason /= '') then
+      call this%fail(reason, error)
+      return
+    end if
+    exchanged = .true.
+    this%is_published = .true.
+    other%is_published = .false.
+    other%temporary_path = this%temporary_path
+
+  contains
+
+    !> Why the target could not be given another name anyway, or ''
+    subroutine look_at_target(reason)
+      character(len=:), allocatable, intent(out) :: reason
+      integer :: what
+
+      call look_at_path(this%target_path, what, reason)
+      if (what == path_file) reason = write_obstacle(parent_folder(this%target_path))
+      if (what == path_missing) reason = 'it is not there any more'
+    end subroutine look_at_target
+
+  end subroutine exchange_with
 
   !> Complete the step that is under way and bring all that was written to the disk.
   subroutine flush_file(this, error)
@@ -702,38 +756,42 @@ contains
   end function ready
 
   !> Check that a file can be made at `path`, before anything is touched.
-  subroutine check_place(path, error)
+  subroutine check_place(path, error, called)
     !> The name of the file
     character(len=*), intent(in) :: path
     !> Why no file can be written there
     type(error_t), allocatable, intent(out) :: error
-    character(len=:), allocatable :: folder, reason
+    !> What it is called in messages; without it 'output file'
+    character(len=*), intent(in), optional :: called
+    character(len=:), allocatable :: folder, reason, what_file
     integer :: what
 
     if (path == '') then
       call raise(error, status_bad_file, 'The output file has no name: give one as &output file.')
       return
     end if
+    what_file = 'The output file '''
+    if (present(called)) what_file = 'The '//called//' '''
     folder = parent_folder(path)
     call look_at_path(folder, what, reason)
     select case (what)
     case (path_folder)
       reason = write_obstacle(folder)
       if (reason /= '') then
-        call raise(error, status_bad_file, 'The output file '''//path// &
+        call raise(error, status_bad_file, what_file//path// &
                    ''' cannot be written into the folder '''//folder//''' ('//reason// &
                    '): change the folder''s permissions or name another file.')
       end if
     case (path_missing)
-      call raise(error, status_bad_file, 'The output file '''//path// &
+      call raise(error, status_bad_file, what_file//path// &
                  ''' cannot be written: the folder '''//folder// &
                  ''' does not exist: create it or name another file.')
     case (path_unreachable)
-      call raise(error, status_bad_file, 'The output file '''//path// &
+      call raise(error, status_bad_file, what_file//path// &
                  ''' cannot be written: the folder '''//folder//''' cannot be reached ('// &
                  reason//'): name another file.')
     case default
-      call raise(error, status_bad_file, 'The output file '''//path// &
+      call raise(error, status_bad_file, what_file//path// &
                  ''' cannot be written: '''//folder// &
                  ''' is not a folder: name another file.')
     end select
@@ -746,18 +804,18 @@ contains
     case (path_file)
       reason = write_obstacle(path)
       if (reason /= '') then
-        call raise(error, status_bad_file, 'The output file '''//path// &
+        call raise(error, status_bad_file, what_file//path// &
                    ''' exists and may not be replaced ('//reason// &
                    '): change its permissions or name another file.')
       end if
     case (path_folder)
-      call raise(error, status_bad_file, 'The output file '''//path// &
+      call raise(error, status_bad_file, what_file//path// &
                  ''' cannot be written: there is a folder of that name: name another file.')
     case (path_unreachable)
-      call raise(error, status_bad_file, 'The output file '''//path// &
+      call raise(error, status_bad_file, what_file//path// &
                  ''' cannot be written ('//reason//'): name another file.')
     case default
-      call raise(error, status_bad_file, 'The output file '''//path// &
+      call raise(error, status_bad_file, what_file//path// &
                  ''' cannot be written: what is there is not a regular file: name another file.')
     end select
   end subroutine check_place

@@ -334,7 +334,7 @@ contains
         if (.not. wall(i)) cycle
         do j = i + 1, size(x)
           if (.not. wall(j)) cycle
-          if (hypot(x(j) - x(i), y(j) - y(i)) > next*min(own(i), own(j))) cycle
+          if (.not. adjacent(i, j)) cycle
           ! A way through the end of a line is blocked too, whatever rounding makes of it.
           blocked = blocked .or. (turn(i, j, px, py)*turn(i, j, x(k), y(k)) < 0 .and. &
                                   way(i)*way(j) <= touching*(own(i)*own(j))**2)
@@ -344,6 +344,24 @@ contains
     end do
 
   contains
+
+    !> Whether two wall particles follow each other: they are not far apart, and none lies between.
+    !> (Those beside the particle in a corner do not follow each other.)
+    pure function adjacent(one, other)
+      integer, intent(in) :: one, other
+      logical :: adjacent
+      real(wp) :: d
+      integer :: m
+
+      d = hypot(x(other) - x(one), y(other) - y(one))
+      adjacent = d <= next*min(own(one), own(other))
+      do m = 1, size(x)
+        if (.not. adjacent) return
+        if (.not. wall(m) .or. m == one .or. m == other) cycle
+        adjacent = .not. max(hypot(x(m) - x(one), y(m) - y(one)), &
+                             hypot(x(m) - x(other), y(m) - y(other))) < d*(1 - 1.0e-9_wp)
+      end do
+    end function adjacent
 
     !> On which side of the line from one particle to another a place lies
     pure function turn(from, to, qx, qy)

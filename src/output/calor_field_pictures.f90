@@ -8,7 +8,7 @@ module calor_field_pictures
   use calor_kinds, only: wp
   use calor_map_picture, only: map_view_t, map_layout_t, lay_out, map_script, wrapped
   use calor_stored_fields, only: stored_fields_t
-  use calor_text, only: text_t, append, to_text
+  use calor_text, only: text_t, append, join, to_text
   implicit none (type, external)
   private
 
@@ -167,8 +167,8 @@ contains
       if (allocated(error)) return
       moved = k == 1
       if (.not. moved) moved = any(abs(x - old_x) > 0) .or. any(abs(y - old_y) > 0)
-      if (moved) call make_field_map(x, y, spacing_of(stored, x, y), frame(1), &
-                                     on_wall(stored), map)
+      if (moved) call prepare_map(stored, steps(k), frame(1), map, error)
+      if (allocated(error)) return
       old_x = x
       old_y = y
       if (k == 1) then
@@ -212,6 +212,13 @@ contains
         call append(names, name)
       end associate
     end do
+    if (size(names) == 0) then
+      call raise(error, &
+                 status_bad_input, 'The file '''//stored%path//''' has no field that can '// &
+                 'be drawn by itself. It has '//join(stored%field, ', ')//': choose one by '// &
+                 '--field.')
+      return
+    end if
     step = size(stored%time)
     call prepare_map(stored, step, several(1), map, error)
     if (allocated(error)) return
@@ -268,20 +275,25 @@ contains
     type(text_t), allocatable, intent(inout) :: written(:)
     type(error_t), allocatable, intent(out) :: error
     type(text_t), allocatable :: account(:)
-    real(wp), allocatable :: time(:), power(:, :)
+    real(wp), allocatable :: time(:), power(:, :), one(:), stored_rate(:), content(:)
     integer :: k
 
     time = stored%series('budget_time')
     account = stored%accounts()
+    stored_rate = stored%series('budget_stored_rate')
+    content = stored%series('budget_stored')
     ! A curve begins with three states.
     if (size(time) < 3 .or. size(account) == 0) return
+    if (size(stored_rate) /= size(time) .or. size(content) /= size(time)) return
     allocate (power(size(time), size(account)))
     do k = 1, size(account)
-      power(:, k) = stored%series('budget_'//account(k)%value)
+      one = stored%series('budget_'//account(k)%value)
+      if (size(one) /= size(time)) return
+      power(:, k) = one
     end do
     call write_pictures(files, '_budget', budget_width, budget_height, &
                         budget_picture(stored%title, account, time, power, &
-                        stored%series('budget_stored_rate'), stored%series('budget_stored')), &
+                                       stored_rate, content), &
                         'heat budget over time', written, error)
   end subroutine draw_budget
 
@@ -341,8 +353,13 @@ contains
     real(wp), allocatable :: x(:), y(:)
 
     call stored%read_places(step, x, y, error)
-    if (.not. allocated(error)) call make_field_map(x, y, spacing_of(stored, x, y), points, &
-                                                    on_wall(stored), map)
+    if (allocated(error)) return
+    if (.not. spacing_of(stored, x, y) > 0) then
+      call raise(error, status_bad_input, 'All particles of '''//stored%path// &
+                 ''' are at one place: there is no map to draw.')
+      return
+    end if
+    call make_field_map(x, y, spacing_of(stored, x, y), points, on_wall(stored), map)
   end subroutine prepare_map
 
   !> Which particles lie on walls; none where the file does not say
@@ -351,11 +368,15 @@ contains
     logical, allocatable :: wall(:)
     type(error_t), allocatable :: error
     real(wp), allocatable :: values(:)
+    integer :: k
 
     allocate (wall(stored%particles), source=.false.)
     if (.not. stored%has('wall')) return
     call stored%read_field('wall', 1, values, error)
-    if (.not. allocated(error)) wall = values > 0.5_wp
+    if (allocated(error)) return
+    do k = 1, size(wall)
+      if (ieee_is_finite(values(k))) wall(k) = values(k) > 0.5_wp
+    end do
   end function on_wall
 
   !> What the file says, or what would spread the particles evenly over their extent
@@ -363,11 +384,12 @@ contains
     type(stored_fields_t), intent(in) :: stored
     real(wp), intent(in) :: x(:), y(:)
     real(wp) :: spacing
+    real(wp) :: extent
 
     spacing = stored%spacing
-    if (spacing > 0) return
-    spacing = max(maxval(x) - minval(x), maxval(y) - minval(y), &
-                  tiny(1.0_wp))/sqrt(real(size(x), wp))
+    extent = max(maxval(x) - minval(x), maxval(y) - minval(y))
+    if (spacing > 0 .and. spacing <= extent) return
+    spacing = extent/sqrt(real(size(x), wp))
   end function spacing_of
 
   subroutine put_on_grid(stored, field, map, values, view)

@@ -88,7 +88,7 @@ contains
     layout%left = 8*unit
     layout%top = nint((1.2_wp + 1.7_wp*lines_of_title)*unit)
     layout%bottom = 4*unit
-    layout%right = 8*unit
+    layout%right = 9*unit
     if (layout%bar_below) then
       layout%right = 3*unit
       layout%bottom = nint(10.5_wp*unit)
@@ -190,7 +190,8 @@ contains
              part(bar(4), layout%height)//end// &
              'set title "'//in_script(view%title)//'" noenhanced'//end// &
              'set xlabel "x, m"'//end//'set ylabel "y, m"'//end// &
-             'set cblabel "'//in_script(view%label)//'" noenhanced'//end// &
+             'set cblabel "'//in_script(view%label)//'" noenhanced offset '// &
+             to_text(label_offset())//',0'//end// &
              'set tics out nomirror'//end//'set border 3 linewidth 0.7'//end//'unset key'//end// &
              'set xtics '//tics(x(2) - x(1), layout%map_width/(6*layout%letters))//end// &
              'set ytics '//tics(y(2) - y(1), layout%map_height/(3*layout%letters))//end// &
@@ -206,6 +207,21 @@ contains
       end do
       script = script//')'//end
     end if
+
+  contains
+
+    !> gnuplot reckons with marks of three letters beside a bar of one's own.
+    pure function label_offset() result(letters)
+      integer :: letters
+      integer :: k
+
+      letters = 0
+      if (layout%bar_below .or. .not. view%lines) return
+      do k = 1, size(levels)
+        letters = max(letters, len(to_text(levels(k), digits=6)) - 2, 1)
+      end do
+    end function label_offset
+
   end function frame_script
 
   !> A step between marks on an axis, 1, 2 or 5 times a power of ten

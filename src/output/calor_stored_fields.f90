@@ -7,16 +7,19 @@
 !>
 !> A step is one of `time`, counted from 1. The format is that of `calor_field_file`.
 module calor_stored_fields
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_quiet_nan, ieee_value
   use, intrinsic :: iso_c_binding, only: c_ptr, c_loc, c_null_ptr
   use calor_c_text, only: from_c
+  use calor_constants, only: greatest_size
   use calor_error, only: error_t, raise, status_bad_input, status_bad_file
   use calor_hdf5, only: start_hdf5, open_hdf5_file, hdf5_has, hdf5_reason, hdf5_silence_t
-  use calor_kinds, only: wp, i8
+  use calor_kinds, only: wp, ip, i8
   use calor_text, only: text_t, append, join, suggestion
   use hdf5, only: hid_t, hsize_t, size_t, h5_real_kind, h5kind_to_type, h5s_select_set_f, &
                   h5t_integer_f, h5t_string_f, &
                   h5aclose_f, h5aexists_by_name_f, h5aget_type_f, h5aopen_by_name_f, h5aread_f, &
-                  h5dclose_f, h5dget_space_f, h5dget_type_f, h5dopen_f, h5dread_f, h5fclose_f, &
+                  h5dclose_f, h5dget_space_f, h5dget_storage_size_f, h5dget_type_f, h5dopen_f, &
+                  h5dread_f, h5fclose_f, &
                   h5gget_obj_info_idx_f, h5gn_members_f, &
                   h5sclose_f, h5screate_simple_f, h5sget_simple_extent_dims_f, &
                   h5sget_simple_extent_ndims_f, h5sselect_hyperslab_f, h5tclose_f, &
@@ -60,6 +63,8 @@ module calor_stored_fields
     procedure :: has
     !> A number noted beside the fields
     procedure :: number
+    !> A text noted there, '' where there is none
+    procedure :: note
     !> Let go of the file
     procedure :: close => close_stored
     procedure, private :: learn, read_rows, fail
@@ -112,9 +117,17 @@ contains
     none = 0
     call this%read_rows('/VTKHDF/NumberOfPoints', none, 1_hsize_t, numbers, error)
     if (allocated(error)) return
+    if (.not. is_count(numbers(1, 1))) then
+      call this%fail(error)
+      return
+    end if
     this%particles = nint(numbers(1, 1))
     call this%read_rows('/VTKHDF/Steps/Values', none, -1_hsize_t, numbers, error)
     if (allocated(error)) return
+    if (.not. all(is_usable(numbers))) then
+      call this%fail(error)
+      return
+    end if
     this%time = numbers(1, :)
     call h5gn_members_f(this%file_id, '/VTKHDF/PointData', members, status)
     do k = 0, members - 1
@@ -147,11 +160,33 @@ contains
                         int(this%particles, hsize_t), points, error)
     call silence%finish()
     if (allocated(error)) return
+    if (size(points, 1) /= 3 .or. .not. all(is_usable(points))) then
+      call this%fail(error)
+      return
+    end if
     x = points(1, :)
     y = points(2, :)
   end subroutine read_places
 
-  !> A scalar as it is; of a vector its length.
+  !> Whether a number can be what a run of calor wrote.
+  elemental function is_usable(number) result(answer)
+    real(wp), intent(in) :: number
+    logical :: answer
+
+    answer = ieee_is_finite(number)
+    if (answer) answer = abs(number) <= greatest_size
+  end function is_usable
+
+  !> Whether a number can say how many, or which.
+  pure function is_count(number) result(answer)
+    real(wp), intent(in) :: number
+    logical :: answer
+
+    answer = is_usable(number)
+    if (answer) answer = number >= 0 .and. number <= real(huge(1_ip), wp)
+  end function is_count
+
+  !> A scalar as it is; of a vector its length; NaN for what no run wrote.
   subroutine read_field(this, name, step, values, error, is_vector)
     class(stored_fields_t), intent(in) :: this
     !> The field
@@ -166,6 +201,7 @@ contains
     logical, intent(out), optional :: is_vector
     type(hdf5_silence_t) :: silence
     real(wp), allocatable :: rows(:, :)
+    integer :: k
 
     if (present(is_vector)) is_vector = .false.
     if (.not. this%has(name)) then
@@ -179,12 +215,12 @@ contains
                         int(this%particles, hsize_t), rows, error)
     call silence%finish()
     if (allocated(error)) return
-    if (size(rows, 1) == 1) then
-      values = rows(1, :)
-    else
-      values = norm2(rows, dim=1)
-      if (present(is_vector)) is_vector = .true.
-    end if
+    allocate (values(size(rows, 2)), source=ieee_value(0.0_wp, ieee_quiet_nan))
+    do k = 1, size(values)
+      if (all(is_usable(rows(:, k)))) values(k) = merge(rows(1, k), norm2(rows(:, k)), &
+                                                        size(rows, 1) == 1)
+    end do
+    if (present(is_vector)) is_vector = size(rows, 1) > 1
   end subroutine read_field
 
   pure function has(this, name)
@@ -239,7 +275,16 @@ contains
     end do
   end function accounts
 
-  !> Empty where there is none of that name.
+  function note(this, name) result(text)
+    class(stored_fields_t), intent(in) :: this
+    !> Its name, as in 'scene'
+    character(len=*), intent(in) :: name
+    character(len=:), allocatable :: text
+
+    text = text_of(this%file_id, name)
+  end function note
+
+  !> Empty where there is none of that name that a run can have written.
   function series(this, name) result(numbers)
     class(stored_fields_t), intent(in) :: this
     !> Its name, as in 'budget_time'
@@ -256,10 +301,11 @@ contains
     call silence%begin()
     call this%read_rows(origin//'/'//name, none, -1_hsize_t, rows, error)
     call silence%finish()
-    if (.not. allocated(error)) numbers = rows(1, :)
+    if (allocated(error)) return
+    if (all(is_usable(rows))) numbers = rows(1, :)
   end function series
 
-  !> 0 where there is none of that name.
+  !> 0 where there is none of that name that a run can have written.
   function number(this, name) result(value)
     class(stored_fields_t), intent(in) :: this
     !> Its name, as in 'spacing'
@@ -278,7 +324,9 @@ contains
     if (status < 0) return
     address = c_loc(found)
     call h5aread_f(attribute, h5kind_to_type(wp, h5_real_kind), address, status)
-    if (status >= 0) value = found
+    if (status >= 0) then
+      if (is_usable(found)) value = found
+    end if
     call h5aclose_f(attribute, status)
   end function number
 
@@ -302,7 +350,9 @@ contains
     start = 0
     if (.not. hdf5_has(this%file_id, table)) return
     call this%read_rows(table, int(step - 1, hsize_t), 1_hsize_t, rows, error)
-    if (.not. allocated(error)) start = nint(rows(1, 1), i8)
+    if (allocated(error)) return
+    start = -1
+    if (is_usable(rows(1, 1))) start = nint(max(-1.0_wp, min(1.0e18_wp, rows(1, 1))), i8)
   end function start_of
 
   !> Read rows of a dataset of numbers: `values(component, row)`.
@@ -316,7 +366,9 @@ contains
     real(wp), allocatable, target, intent(out) :: values(:, :)
     type(error_t), allocatable, intent(out) :: error
     integer(hid_t) :: dataset, file_space, memory_space
-    integer(hsize_t) :: extent(2), limit(2), from(2), block(2)
+    integer(hsize_t) :: extent(2), limit(2), from(2), block(2), stored
+    !> Numbers in a byte, at most: deflate, the best that is common, makes 1032 bytes into one
+    real(wp), parameter :: strongest_compression = 1032.0_wp
     type(c_ptr) :: address
     integer :: status, rank, first
 
@@ -334,13 +386,22 @@ contains
       block = extent
       block(2) = extent(2) - start
       if (count >= 0) block(2) = count
-      if (start < 0 .or. block(2) < 0 .or. start + block(2) > extent(2)) status = -1
+      if (start < 0 .or. block(2) < 0 .or. block(2) > extent(2) - start) status = -1
     end if
+    if (status >= 0) then
+      ! What was never written takes no room in the file, whatever its extent.
+      call h5dget_storage_size_f(dataset, stored, status)
+      if (status < 0) stored = 0
+      status = 0
+      if (real(block(1), wp)*real(block(2), wp) > strongest_compression*real(stored, &
+                                                                             wp)) status = -1
+    end if
+    if (status >= 0) allocate (values(block(1), block(2)), stat=status)
+    if (status > 0) status = -1
     if (status < 0) then
       call this%fail(error)
       return
     end if
-    allocate (values(block(1), block(2)))
     if (size(values) > 0) then
       call h5sselect_hyperslab_f(file_space, h5s_select_set_f, from(first:), block(first:), status)
       if (status >= 0) call h5screate_simple_f(rank, block(first:), memory_space, status)

@@ -18,6 +18,7 @@ module calor_conduction
   use calor_places, only: places_t
   use calor_potential_jumps, only: potential_jumps_t
   use calor_prescribed, only: prescribed_t
+  use calor_saved_state, only: saved_state_t
   use calor_sparse_operator, only: sparse_operator_t
   use calor_streamed_rows, only: streamed_rows_t
   use calor_text, only: to_text
@@ -73,8 +74,12 @@ module calor_conduction
     real(wp) :: lowest = huge(1.0_wp), highest = -huge(1.0_wp)
     !> What to blame should the numbers go wrong, in a sentence; not allocated: the scheme
     character(len=:), allocatable :: suspicion
+    !> Whether the rows laid out for speed have weights in single precision
+    logical :: single_weights = .false.
     !> The Laplacian's rows, laid out for speed
     type(streamed_rows_t), private :: stream
+    !> Whether that is all that is left of them
+    logical, private :: only_streamed = .false.
     !> How far the last state left the range, and for how many steps that has grown
     real(wp), private :: excursion = 0.0_wp
     integer, private :: growing_steps = 0
@@ -117,6 +122,13 @@ module calor_conduction
     !> Lay out the Laplacian's rows for speed: to be called when they are complete, and again after
     !> any change
     procedure :: stream_rows
+    !> Free the rows as they were assembled, where those laid out for speed do for all steps to come
+    procedure :: keep_streamed_rows
+    !> Whether the rows laid out for speed are those of the Laplacian
+    procedure, private :: is_streamed
+    !> Lay aside what the states so far have left, and take it up again
+    procedure :: save => save_conduction
+    procedure :: restore => restore_conduction
     !> What rows at held particles make of a state
     procedure :: apply_held_rows
     !> What conduction makes of temperatures
@@ -149,8 +161,8 @@ contains
   subroutine rate(this, time, u, du)
     class(conduction_t), intent(inout) :: this
     real(wp), intent(in) :: time
-    real(wp), intent(in) :: u(:)
-    real(wp), intent(out) :: du(:)
+    real(wp), intent(in), contiguous :: u(:)
+    real(wp), intent(out), contiguous :: du(:)
 
     if (allocated(this%content)) then
       call this%content%evaluate(u, this%temperature, this%potential)
@@ -167,8 +179,8 @@ contains
   !> these that steps have to be chosen, not by the spectrum at one state.
   subroutine jacobian_product(this, v, product)
     class(conduction_t), intent(inout) :: this
-    real(wp), intent(in) :: v(:)
-    real(wp), intent(out) :: product(:)
+    real(wp), intent(in), contiguous :: v(:)
+    real(wp), intent(out), contiguous :: product(:)
 
     if (allocated(this%content)) then
       call this%conduct_change(v, product)
@@ -183,17 +195,37 @@ contains
   subroutine stream_rows(this)
     class(conduction_t), intent(inout) :: this
 
-    call this%stream%lay_out(this%laplacian, this%unknowns())
+    call this%stream%lay_out(this%laplacian, this%unknowns(), this%single_weights)
+    this%only_streamed = .false.
   end subroutine stream_rows
+
+  !> Afterwards `laplacian` tells its targets only: there is no Jacobian to hand out, nor a bound of
+  !> the spectrum, until rows are assembled anew. Nothing happens where rows could not be laid out.
+  subroutine keep_streamed_rows(this)
+    class(conduction_t), intent(inout) :: this
+
+    if (this%only_streamed .or. .not. this%is_streamed()) return
+    deallocate (this%laplacian%first, this%laplacian%index, this%laplacian%weight, &
+                this%laplacian%diagonal)
+    this%only_streamed = .true.
+  end subroutine keep_streamed_rows
+
+  pure function is_streamed(this) result(answer)
+    class(conduction_t), intent(in) :: this
+    logical :: answer
+
+    answer = this%only_streamed
+    if (.not. answer) answer = this%stream%stands_for(this%laplacian)
+  end function is_streamed
 
   subroutine apply_rows(this, temperature, rate)
     class(conduction_t), intent(inout) :: this
     !> Temperatures, or potentials, of all particles
-    real(wp), intent(in) :: temperature(:)
+    real(wp), intent(in), contiguous :: temperature(:)
     !> Set at all particles that have a row
-    real(wp), intent(inout) :: rate(:)
+    real(wp), intent(inout), contiguous :: rate(:)
 
-    if (this%stream%stands_for(this%laplacian)) then
+    if (this%is_streamed()) then
       call this%stream%apply(this%diffusivity, temperature, rate)
     else
       call this%laplacian%apply_at_targets(this%diffusivity, temperature, rate)
@@ -204,7 +236,7 @@ contains
   subroutine conduct(this, rate)
     class(conduction_t), intent(inout) :: this
     !> Set at all particles that have a row
-    real(wp), intent(inout) :: rate(:)
+    real(wp), intent(inout), contiguous :: rate(:)
     real(wp), allocatable :: factor(:), of_level(:), of_factor(:)
 
     if (allocated(this%local)) then
@@ -227,9 +259,9 @@ contains
   subroutine conduct_change(this, change, product)
     class(conduction_t), intent(inout) :: this
     !> Of the states
-    real(wp), intent(in) :: change(:)
+    real(wp), intent(in), contiguous :: change(:)
     !> Set at all particles that have a row
-    real(wp), intent(inout) :: product(:)
+    real(wp), intent(inout), contiguous :: product(:)
     real(wp), allocatable :: of_level(:), of_factor(:)
 
     ! No state is at work: its arrays serve.
@@ -253,7 +285,7 @@ contains
   subroutine linearise_conduction(this, u)
     class(conduction_t), intent(inout) :: this
     !> The state
-    real(wp), intent(in) :: u(:)
+    real(wp), intent(in), contiguous :: u(:)
 
     call this%content%slopes(u, this%temperature_slope, this%potential_slope)
     if (.not. (allocated(this%jumps) .or. allocated(this%local))) return
@@ -304,7 +336,7 @@ contains
     real(wp), intent(inout), contiguous :: work(:)
 
     if (allocated(this%effects) .or. allocated(this%content) .or. &
-        .not. this%stream%stands_for(this%laplacian)) then
+        .not. this%is_streamed()) then
       call rate_in_parts(this, time, c, newer, start, rate_start, older, work)
     else
       call this%stream%combine([c(1:4), c(5)*this%diffusivity], newer, older, start, rate_start)
@@ -321,7 +353,7 @@ contains
 
     ! Written out: an absent contiguous argument cannot be handed on in this compiler
     if (allocated(this%slope) .or. allocated(this%content) .or. &
-        .not. this%stream%stands_for(this%laplacian)) then
+        .not. this%is_streamed()) then
       if (present(start) .and. present(rate_start)) then
         call jacobian_in_parts(this, c, newer, older, work, start, rate_start)
       else
@@ -336,7 +368,7 @@ contains
   subroutine follow(this, x, y, places)
     class(conduction_t), intent(inout) :: this
     !> Where particles are, m
-    real(wp), intent(in) :: x(:), y(:)
+    real(wp), intent(in), contiguous :: x(:), y(:)
     !> Where they will be in the steps to come
     type(places_t), intent(in) :: places
     integer :: k
@@ -362,7 +394,7 @@ contains
     !> Time, s
     real(wp), intent(in) :: time
     !> Rates of all particles, K/s; those of held ones are set
-    real(wp), intent(inout) :: rate(:)
+    real(wp), intent(inout), contiguous :: rate(:)
     type(expression_t) :: expression
     real(wp), allocatable :: before(:), after(:)
     real(wp) :: step
@@ -391,9 +423,9 @@ contains
   subroutine find_temperature(this, state, temperature)
     class(conduction_t), intent(inout) :: this
     !> State of each particle
-    real(wp), intent(in) :: state(:)
+    real(wp), intent(in), contiguous :: state(:)
     !> Its temperature
-    real(wp), intent(out) :: temperature(:)
+    real(wp), intent(out), contiguous :: temperature(:)
 
     real(wp), allocatable :: potential(:)
 
@@ -408,9 +440,9 @@ contains
   pure subroutine find_state(this, temperature, state)
     class(conduction_t), intent(in) :: this
     !> Temperature of each particle
-    real(wp), intent(in) :: temperature(:)
+    real(wp), intent(in), contiguous :: temperature(:)
     !> Its state
-    real(wp), intent(out) :: state(:)
+    real(wp), intent(out), contiguous :: state(:)
     integer :: k
 
     if (allocated(this%content)) then
@@ -423,9 +455,9 @@ contains
   pure subroutine find_liquid_fraction(this, state, fraction)
     class(conduction_t), intent(in) :: this
     !> State of each particle
-    real(wp), intent(in) :: state(:)
+    real(wp), intent(in), contiguous :: state(:)
     !> From 0, solid, to 1, liquid; 0 where nothing melts
-    real(wp), intent(out) :: fraction(:)
+    real(wp), intent(out), contiguous :: fraction(:)
 
     fraction = 0
     if (allocated(this%content)) call this%content%find_liquid_fraction(state, fraction)
@@ -435,8 +467,8 @@ contains
   subroutine add_effects(this, time, u, du)
     class(conduction_t), intent(inout) :: this
     real(wp), intent(in) :: time
-    real(wp), intent(in) :: u(:)
-    real(wp), intent(inout) :: du(:)
+    real(wp), intent(in), contiguous :: u(:)
+    real(wp), intent(inout), contiguous :: du(:)
     integer :: k
 
     !$omp parallel do if (size(du) > worth_threads) schedule(static) default(shared) private(k)
@@ -463,7 +495,7 @@ contains
     !> What the scene calls for; moved. Not allocated: nothing
     type(effect_slot_t), allocatable, intent(inout) :: effects(:)
     !> Their temperatures at the start
-    real(wp), intent(in) :: temperature(:)
+    real(wp), intent(in), contiguous :: temperature(:)
     !> What the scene asks for cannot be had
     type(error_t), allocatable, intent(out) :: error
     integer :: k
@@ -486,7 +518,7 @@ contains
     !> The laws, tabulated
     type(heat_content_t), intent(in) :: content
     !> The temperatures at the start
-    real(wp), intent(in) :: temperature(:)
+    real(wp), intent(in), contiguous :: temperature(:)
 
     this%content = content
     allocate (this%temperature(size(temperature)), source=temperature)
@@ -498,7 +530,7 @@ contains
   subroutine linearise(this, time, u)
     class(conduction_t), intent(inout) :: this
     real(wp), intent(in) :: time
-    real(wp), intent(in) :: u(:)
+    real(wp), intent(in), contiguous :: u(:)
     real(wp), allocatable :: temperature(:)
 
     if (allocated(this%content)) call this%linearise_conduction(u)
@@ -512,8 +544,8 @@ contains
   subroutine find_slope(this, time, temperature, slope)
     class(conduction_t), intent(inout) :: this
     real(wp), intent(in) :: time
-    real(wp), intent(in) :: temperature(:)
-    real(wp), intent(out) :: slope(:)
+    real(wp), intent(in), contiguous :: temperature(:)
+    real(wp), intent(out), contiguous :: slope(:)
     integer :: k
 
     slope = 0
@@ -661,7 +693,7 @@ contains
   subroutine impose(this, time, u)
     class(conduction_t), intent(inout) :: this
     real(wp), intent(in) :: time
-    real(wp), intent(inout) :: u(:)
+    real(wp), intent(inout), contiguous :: u(:)
     integer :: k
 
     do k = 1, size(this%prescribed)
@@ -676,7 +708,7 @@ contains
 
     pure function states_of(particle, temperature) result(state)
       integer, intent(in) :: particle(:)
-      real(wp), intent(in) :: temperature(:)
+      real(wp), intent(in), contiguous :: temperature(:)
       real(wp) :: state(size(temperature))
 
       call this%content%find_state(particle, temperature, state)
@@ -686,7 +718,7 @@ contains
 
   subroutine clear_prescribed(this, v)
     class(conduction_t), intent(in) :: this
-    real(wp), intent(inout) :: v(:)
+    real(wp), intent(inout), contiguous :: v(:)
     integer :: k
 
     do k = 1, size(this%prescribed)
@@ -697,7 +729,7 @@ contains
   subroutine inspect(this, time, u, error)
     class(conduction_t), intent(inout) :: this
     real(wp), intent(in) :: time
-    real(wp), intent(in) :: u(:)
+    real(wp), intent(in), contiguous :: u(:)
     type(error_t), allocatable, intent(out) :: error
     real(wp), allocatable :: temperature(:)
 
@@ -714,7 +746,7 @@ contains
   subroutine inspect_temperature(this, time, u, error)
     class(conduction_t), intent(inout) :: this
     real(wp), intent(in) :: time
-    real(wp), intent(in) :: u(:)
+    real(wp), intent(in), contiguous :: u(:)
     type(error_t), allocatable, intent(out) :: error
     real(wp) :: low, high, range, rounding, worst, outside
     integer :: k, particle
@@ -934,7 +966,7 @@ contains
   subroutine note_range(this, temperature)
     class(conduction_t), intent(inout) :: this
     !> Temperatures that are given, not computed
-    real(wp), intent(in) :: temperature(:)
+    real(wp), intent(in), contiguous :: temperature(:)
 
     if (size(temperature) == 0) return
     ! An expression without a value: the stepper notices what comes of it
@@ -942,5 +974,42 @@ contains
     this%lowest = min(this%lowest, minval(temperature))
     this%highest = max(this%highest, maxval(temperature))
   end subroutine note_range
+
+  subroutine save_conduction(this, state)
+    class(conduction_t), intent(in) :: this
+    type(saved_state_t), intent(inout) :: state
+
+    call state%enter('conduction')
+    call state%put('range', [this%lowest, this%highest])
+    call state%put('excursion', this%excursion)
+    call state%put('growing_steps', this%growing_steps)
+    if (allocated(this%slope)) call state%put('slope', this%slope)
+    if (allocated(this%content)) then
+      call state%put('temperature_slope', this%temperature_slope)
+      call state%put('potential_slope', this%potential_slope)
+    end if
+    call state%leave()
+  end subroutine save_conduction
+
+  subroutine restore_conduction(this, state)
+    class(conduction_t), intent(inout) :: this
+    type(saved_state_t), intent(inout) :: state
+    real(wp), allocatable :: range(:)
+
+    call state%enter('conduction')
+    call state%get('range', range)
+    if (allocated(range)) then
+      this%lowest = range(1)
+      this%highest = range(2)
+    end if
+    call state%get('excursion', this%excursion)
+    call state%get('growing_steps', this%growing_steps)
+    if (allocated(this%slope)) call state%get('slope', this%slope)
+    if (allocated(this%content)) then
+      call state%get('temperature_slope', this%temperature_slope)
+      call state%get('potential_slope', this%potential_slope)
+    end if
+    call state%leave()
+  end subroutine restore_conduction
 
 end module calor_conduction

@@ -119,6 +119,9 @@ contains
     integer :: k
 
     allocate (lines(0))
+    call add(lines, 'Simulated', to_text(simulation%cloud%particles())//' particles with '// &
+             to_text(simulation%mean_neighbours, digits=3)//' neighbours on average, by '// &
+             methods(simulation))
     if (simulation%scene%time%steady) then
       call add(lines, 'Steps', to_text(simulation%newton_steps)//' of Newton''s method')
     else
@@ -168,6 +171,16 @@ contains
     end function estimate
 
   end function describe_result
+
+  !> The scheme in space and the method in time
+  function methods(simulation) result(text)
+    type(simulation_t), intent(in) :: simulation
+    character(len=:), allocatable :: text
+
+    text = simulation%scene%laplacian
+    if (text == 'consistent') text = text//' of order '//to_text(simulation%scene%order)
+    if (.not. simulation%scene%time%steady) text = text//' and '//simulation%method
+  end function methods
 
   !> What part of the wall time a phase took, with a bar
   pure function phase_line(phase, total) result(line)

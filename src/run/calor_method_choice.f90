@@ -40,6 +40,10 @@ module calor_method_choice
   real(wp), parameter :: fill = 0.5_wp, operations = 6.0_wp
   !> Steps of the trial, and the fewest steps that any run of second order takes
   integer, parameter :: pilot_steps = 12, fewest_steps = 4
+  !> Where something changes with time the trial goes on by half as many steps, so often at most,
+  !> until they grow by less than that meanwhile
+  integer, parameter :: most_settling = 8
+  real(wp), parameter :: settled = 1.2_wp
   !> The power of time with which steps grow while a jump spreads: the root mean square of the third
   !> derivative is ∫ (k⁵ exp(-k² t))² dk to the power 1/2 then, which goes with t^(-11/4)
   real(wp), parameter :: spreading_power = 11.0_wp/12
@@ -194,6 +198,7 @@ contains
       call trial%advance_to(evolution, pilot%time, problem%duration, u, error, &
                             at_most=pilot_steps/2)
     end if
+    if (problem%changing) call settle()
     pilot%steps = trial%steps
     pilot%step = trial%next_proposal()
     pilot%longest = problem%duration
@@ -202,6 +207,23 @@ contains
     ! Δt₁/Δt₂ = ((t₁ + age)/(t₂ + age))^power
     ratio = (pilot%step/middle_step)**(1/spreading_power)
     pilot%age = max(0.0_wp, (pilot%time - ratio*middle)/(ratio - 1))
+
+  contains
+
+    !> Go on until steps are no longer those of the start, but those that the changes allow.
+    subroutine settle()
+      integer :: k
+      real(wp) :: before
+
+      do k = 1, most_settling
+        if (allocated(error) .or. .not. pilot%time < problem%duration) return
+        before = trial%next_proposal()
+        call trial%advance_to(evolution, pilot%time, problem%duration, u, error, &
+                              at_most=pilot_steps/2)
+        if (trial%next_proposal() < settled*before) return
+      end do
+    end subroutine settle
+
   end subroutine run_pilot
 
   !> Steps of second order that the whole run takes. Δt goes with the power 11/12 of the age of what

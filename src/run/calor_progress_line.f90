@@ -9,9 +9,9 @@ module calor_progress_line
 
 contains
 
-  !> '[######......]  50 %  t = 0.5 s  120 steps/s  2 s left  step errors 1e-6 K'
-  pure function progress_line(time, end_time, steps, seconds, accumulated_error, bar_width) &
-      result(line)
+  !> '[######......] 50 %  t = 0.5 s  120 steps/s  2 s left  error 1.2e-3'
+  pure function progress_line(time, end_time, steps, seconds, accumulated_error, &
+                              estimated_error, width) result(line)
     !> Simulated time and its end, s
     real(wp), intent(in) :: time, end_time
     !> Steps so far, and the wall time that they took, s
@@ -19,24 +19,30 @@ contains
     real(wp), intent(in) :: seconds
     !> Sum of the estimated errors of the steps, K; 0 without error control
     real(wp), intent(in) :: accumulated_error
-    !> Letters of the bar; 0 for none
-    integer, intent(in) :: bar_width
+    !> The run's estimate of its relative error, which says more; negative where there is none
+    real(wp), intent(in) :: estimated_error
+    !> Letters that a bar may fill together with the rest; 0 for no bar
+    integer, intent(in) :: width
     character(len=:), allocatable :: line
+    integer, parameter :: longest_bar = 20, shortest_bar = 4
     real(wp) :: part
+    integer :: room
 
     part = 1
     if (end_time > 0) part = max(0.0_wp, min(1.0_wp, time/end_time))
-    line = ''
-    if (bar_width > 0) line = '['//bar(part, bar_width, '.')//'] '
-    line = line//to_text(int(100*part))//' %  t = '//to_text(time, digits=3)//' s'
-    if (bar_width == 0) line = line//'  step '//to_text(steps)
+    line = to_text(int(100*part))//' %  t = '//to_text(time, digits=3)//' s'
+    if (width == 0) line = line//'  step '//to_text(steps)
     if (seconds > 0) line = line//'  '//to_text(steps/seconds, digits=2)//' steps/s'
     if (part > 0 .and. part < 1 .and. seconds > 0) then
       line = line//'  '//duration_text(seconds*(1 - part)/part)//' left'
     end if
-    if (accumulated_error > 0) then
+    if (estimated_error >= 0) then
+      line = line//'  error '//to_text(estimated_error, digits=2)
+    else if (accumulated_error > 0) then
       line = line//'  step errors '//to_text(accumulated_error, digits=1)//' K'
     end if
+    room = min(longest_bar, width - len(line) - len('[] '))
+    if (room >= shortest_bar) line = '['//bar(part, room, '.')//'] '//line
   end function progress_line
 
   !> A part of a whole as a row of #.

@@ -12,6 +12,7 @@
 module calor_rows_in_motion
   use calor_conduction, only: conduction_t
   use calor_kinds, only: wp
+  use calor_saved_state, only: saved_state_t
   implicit none (type, external)
   private
 
@@ -28,6 +29,9 @@ module calor_rows_in_motion
     procedure :: note_before
     !> ... and after
     procedure :: note_after
+    !> Lay aside what is known of the step before, and take it up again
+    procedure :: save => save_change
+    procedure :: restore => restore_change
   end type rows_in_motion_t
 
 contains
@@ -67,5 +71,19 @@ contains
     this%mean = step/24*(slope - this%slope) + step**2/24*change
     this%slope = slope
   end subroutine note_after
+
+  subroutine save_change(this, state)
+    class(rows_in_motion_t), intent(in) :: this
+    type(saved_state_t), intent(inout) :: state
+
+    if (allocated(this%slope)) call state%put('rows_slope', this%slope)
+  end subroutine save_change
+
+  subroutine restore_change(this, state)
+    class(rows_in_motion_t), intent(inout) :: this
+    type(saved_state_t), intent(inout) :: state
+
+    if (state%has('rows_slope')) call state%get('rows_slope', this%slope)
+  end subroutine restore_change
 
 end module calor_rows_in_motion

@@ -8,7 +8,7 @@ module calor_scene
   private
 
   public :: scene_t, accuracy_t, domain_t, uniform_material_t, boundary_t, time_t, output_t, &
-            motion_settings_t, operators_t, cost_t
+            checkpoint_settings_t, motion_settings_t, operators_t, cost_t
 
   !> What is asked of the error
   type :: accuracy_t
@@ -108,6 +108,20 @@ module calor_scene
     type(text_t), allocatable :: fields(:)
   end type output_t
 
+  !> When the state of a run is laid aside, and where
+  type :: checkpoint_settings_t
+    !> Whether the scene asks for it
+    logical :: asked = .false.
+    !> Path of the file; where the scene names none, that of a run that is interrupted
+    character(len=:), allocatable :: file
+    !> Wall time and simulated time between two, s; 0: no matter
+    real(wp) :: every_seconds = 0.0_wp, every = 0.0_wp
+    !> How many are kept
+    integer :: keep = 1
+    !> Where the scene file says so
+    character(len=:), allocatable :: place
+  end type checkpoint_settings_t
+
   !> What `calor operators` evaluates
   type :: operators_t
     !> The field as an expression of x and y; '': the scene has no &operators
@@ -161,6 +175,8 @@ module calor_scene
     integer :: order = default_order
     !> Whether poor rows are repaired
     logical :: support_growth = .true.
+    !> Whether steps take weights in single precision
+    logical :: single_weights = .false.
     !> Whether rows that cannot be exact, and an unstable operator, are run nevertheless
     logical :: allow_inexact_rows = .false., allow_unstable = .false.
     !> Whether the body is of one constant isotropic material, and that; the groups of any other are
@@ -176,6 +192,7 @@ module calor_scene
     type(motion_settings_t) :: motion
     type(time_t) :: time
     type(output_t) :: output
+    type(checkpoint_settings_t) :: checkpoint
     type(accuracy_t) :: accuracy
     type(operators_t) :: operators
     type(cost_t) :: cost

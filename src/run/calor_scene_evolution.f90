@@ -115,6 +115,7 @@ contains
     conduction%x = cloud%x
     conduction%y = cloud%y
     conduction%user_index = cloud%user_index
+    conduction%single_weights = scene%single_weights
     call conduction%note_range(temperature)
     call conduction%impose(0.0_wp, temperature)
     lowest = minval(temperature)

@@ -22,6 +22,7 @@ module calor_scene_motion
   use calor_pair_motion, only: strain_rate, largest_strain, find_closest
   use calor_particle_path, only: particle_path_t
   use calor_places, only: places_t
+  use calor_saved_state, only: saved_state_t
   use calor_scene, only: scene_t
   use calor_scene_evolution, only: row_maker_t, scene_rows_t
   use calor_scene_file, only: group_t
@@ -62,6 +63,9 @@ module calor_scene_motion
     type(row_maker_t) :: maker
     !> The scene's settings: longest step, s, and skin, m
     real(wp) :: longest_step = 0.0_wp, skin = 0.0_wp
+    !> Whether a step is under way, with rows for its middle, and when it ends, s
+    logical :: under_way = .false.
+    real(wp) :: until = 0.0_wp
     !> Steps of the motion, those that were taken back because neighbours moved too much, and how
     !> often rows were made
     integer :: steps = 0, rejected = 0, assemblies = 0
@@ -98,6 +102,9 @@ module calor_scene_motion
     procedure :: first_step
     !> Memory that it takes, bytes
     procedure :: bytes
+    !> Lay aside where particles are, and take it up again with the rows that belong to it
+    procedure :: save => save_motion
+    procedure :: restore => restore_motion
     procedure, private :: check_velocity
     procedure, private :: step_limit
   end type motion_t
@@ -483,6 +490,101 @@ contains
     call find_cell_areas(body, cloud%spacing, cloud%x, cloud%y, area)
     cloud%area = area*(sum(cloud%area)/sum(area))
   end subroutine share_area
+
+  subroutine save_motion(this, cloud, state)
+    class(motion_t), intent(in) :: this
+    !> The cloud as it is now
+    type(cloud_t), intent(in) :: cloud
+    type(saved_state_t), intent(inout) :: state
+
+    call state%put('steps', [this%steps, this%rejected, this%assemblies])
+    call state%put('last_step', this%last_step)
+    call state%put('reach', this%reach)
+    call state%put('rows_x', this%rows_x)
+    call state%put('rows_y', this%rows_y)
+    call state%put('rows_time', this%rows_time)
+    call state%put('area', cloud%area)
+    call state%put('x', cloud%x)
+    call state%put('y', cloud%y)
+    call state%put('under_way', this%under_way)
+    call this%near%save(state)
+    if (.not. this%path%step > 0) return
+    ! The paths follow from where they begin.
+    call state%put('path', [this%path%time, this%path%step, this%until])
+    call state%put('x_start', this%path%x_start)
+    call state%put('y_start', this%path%y_start)
+  end subroutine save_motion
+
+  !> The rows are those of the places for which they were made; the heat equation is told where the
+  !> particles are.
+  subroutine restore_motion(this, scene, cloud, conduction, rows, renewed, accompanies, state, &
+                            error)
+    class(motion_t), intent(inout) :: this
+    !> The scene, its cloud and the heat equation, as they are at the start
+    type(scene_t), intent(in) :: scene
+    type(cloud_t), intent(inout) :: cloud
+    type(conduction_t), intent(inout) :: conduction
+    !> What is known of new rows
+    type(scene_rows_t), intent(inout) :: rows
+    !> Whether there are new rows
+    logical, intent(out) :: renewed
+    !> Whether this motion accompanies another, so that it does not go to the end of a step
+    logical, intent(in) :: accompanies
+    type(saved_state_t), intent(inout) :: state
+    !> There are no rows for these places
+    type(error_t), allocatable, intent(out) :: error
+    real(wp), allocatable :: x(:), y(:), u(:), v(:), path(:), x_start(:), y_start(:)
+    integer, allocatable :: steps(:)
+    real(wp) :: wrong
+
+    renewed = .false.
+    call state%get('steps', steps)
+    call state%get('last_step', this%last_step)
+    call state%get('reach', this%reach)
+    call state%get('rows_x', this%rows_x)
+    call state%get('rows_y', this%rows_y)
+    call state%get('rows_time', this%rows_time)
+    call state%get('area', cloud%area)
+    call state%get('x', x)
+    call state%get('y', y)
+    call state%get('under_way', this%under_way)
+    call this%near%restore(state)
+    if (allocated(state%problem)) return
+    this%steps = steps(1)
+    this%rejected = steps(2)
+    this%assemblies = steps(3)
+    conduction%medium%area = cloud%area
+    if (this%assemblies > 0) then
+      cloud%x = this%rows_x
+      cloud%y = this%rows_y
+      call this%walls%measure(cloud%x, cloud%y, conduction%medium%contacts)
+      call this%maker%assemble(scene, cloud, conduction, rows, error, skin_list=this%near)
+      if (allocated(error)) return
+      renewed = .true.
+    end if
+    cloud%x = x
+    cloud%y = y
+    if (.not. state%has('path')) return
+    call state%get('path', path)
+    call state%get('x_start', x_start)
+    call state%get('y_start', y_start)
+    if (allocated(state%problem)) return
+    allocate (u(size(x)), v(size(x)))
+    call this%velocity%at(x_start, y_start, path(1), u, v)
+    call this%path%follow(this%velocity, x_start, y_start, u, v, path(1), path(2), wrong, error)
+    if (allocated(error)) return
+    call this%path%interpolate(this%places)
+    this%until = path(3)
+    if (this%under_way .or. (accompanies .and. .not. scene%motion%shifting)) then
+      cloud%x = this%path%x_middle
+      cloud%y = this%path%y_middle
+    else
+      this%places%x = this%places%x + (x - this%path%x_end)
+      this%places%y = this%places%y + (y - this%path%y_end)
+    end if
+    call this%walls%measure(cloud%x, cloud%y, conduction%medium%contacts)
+    call conduction%follow(cloud%x, cloud%y, this%places)
+  end subroutine restore_motion
 
   pure function bytes(this) result(number)
     class(motion_t), intent(in) :: this

@@ -52,6 +52,9 @@ module calor_scene_reader
       choice_t('condition_laplacian', 'condition number of the system for B-hat') &
       ]
 
+  !> Wall time between two checkpoints where the scene gives none, s
+  real(wp), parameter :: usual_checkpoint_seconds = 60.0_wp
+
   !> Keys of &domain that say where the body is
   character(len=*), parameter :: geometry_keys(*) = [character(len=13) :: 'x_range', 'y_range', &
       'centre', 'radius', 'inner_radius', 'vertices', 'hole_vertices', 'file']
@@ -63,6 +66,8 @@ module calor_scene_reader
 
   !> A kernel that smooths over more spacings is a slip of the pen
   real(wp), parameter :: widest_support = 100.0_wp
+  !> Rounding alone is larger
+  real(wp), parameter :: least_tolerance = 1.0e-15_wp
   !> Beyond it rounding takes over at spacings that anybody would use
   integer, parameter :: highest_scene_order = 8
 
@@ -126,6 +131,8 @@ contains
     call read_accuracy(file, scene, error)
     if (allocated(error)) return
     call read_output(file, scene, error)
+    if (allocated(error)) return
+    call read_checkpoint(file, scene, error)
     if (allocated(error)) return
     call read_operators(file, scene, error)
     if (allocated(error)) return
@@ -303,6 +310,8 @@ contains
     call get(group, 'allow_inexact_rows', scene%allow_inexact_rows, error, default=.false.)
     if (allocated(error)) return
     call get(group, 'allow_unstable', scene%allow_unstable, error, default=.false.)
+    if (allocated(error)) return
+    call get(group, 'single_weights', scene%single_weights, error, default=.false.)
   end subroutine read_method
 
   !> What the body consists of and how warm it is at the start
@@ -418,7 +427,7 @@ contains
                          'steady = .true.', error)
         if (allocated(error)) return
         if (group%has('tolerance')) then
-          call get(group, 'tolerance', time%tolerance, error, positive=.true.)
+          call get(group, 'tolerance', time%tolerance, error, minimum=least_tolerance)
         end if
         return
       end if
@@ -429,7 +438,7 @@ contains
       if (group%has('step')) call get(group, 'step', time%step, error, positive=.true.)
       if (allocated(error)) return
       if (group%has('tolerance')) then
-        call get(group, 'tolerance', time%tolerance, error, positive=.true.)
+        call get(group, 'tolerance', time%tolerance, error, minimum=least_tolerance)
       end if
       if (allocated(error)) return
       if (group%has('step') .and. group%has('tolerance')) then
@@ -560,6 +569,57 @@ contains
     end associate
   end subroutine read_output
 
+  !> Without the group a run writes a checkpoint only when it is interrupted.
+  subroutine read_checkpoint(file, scene, error)
+    type(scene_file_t), intent(in) :: file
+    type(scene_t), intent(inout) :: scene
+    type(error_t), allocatable, intent(out) :: error
+    type(group_t) :: group
+    character(len=:), allocatable :: usual
+    real(wp) :: usual_seconds
+    integer, parameter :: most_kept = 100
+
+    call file%group('checkpoint', group)
+    ! The output's name tells runs apart.
+    usual = stem(file%path)
+    if (scene%output%file /= '') usual = without_ending(scene%output%file)
+    usual = usual//'.checkpoint.h5'
+    associate (checkpoint => scene%checkpoint)
+      checkpoint%file = usual
+      checkpoint%place = place_of(group, 'file')
+      checkpoint%asked = file%count('checkpoint') > 0
+      if (.not. checkpoint%asked) return
+      if (scene%time%steady) then
+        call raise_at(error, group, '', 'a steady state is found without steps between which a '// &
+                      'checkpoint could be written; remove &checkpoint, or &time steady.')
+        return
+      else if (scene%accuracy%target > 0) then
+        call raise_at(error, group, '', 'a search for an accuracy consists of many runs, which '// &
+                      'cannot be resumed; remove &checkpoint, or &accuracy target.')
+        return
+      end if
+      call get(group, 'file', checkpoint%file, error, default=usual)
+      if (allocated(error)) return
+      if (checkpoint%file == '') then
+        call raise_at(error, group, 'file', 'the checkpoint needs a name; leave file out for '''// &
+                      usual//'''.')
+        return
+      end if
+      if (checkpoint%file == scene%output%file) then
+        call raise_at(error, group, 'file', 'that is the name of the output file; name another.')
+        return
+      end if
+      if (group%has('every')) call get(group, 'every', checkpoint%every, error, positive=.true.)
+      if (allocated(error)) return
+      usual_seconds = usual_checkpoint_seconds
+      if (group%has('every')) usual_seconds = 0
+      call get(group, 'every_seconds', checkpoint%every_seconds, error, default=usual_seconds, &
+               non_negative=.true.)
+      if (allocated(error)) return
+      call get(group, 'keep', checkpoint%keep, error, default=1, minimum=1, maximum=most_kept)
+    end associate
+  end subroutine read_checkpoint
+
   subroutine read_operators(file, scene, error)
     type(scene_file_t), intent(in) :: file
     type(scene_t), intent(inout) :: scene
@@ -671,6 +731,14 @@ contains
     stem = path(index(path, '/', back=.true.) + 1:)
     if (index(stem, '.', back=.true.) > 1) stem = stem(:index(stem, '.', back=.true.) - 1)
   end function stem
+
+  !> A path without the ending of the file's name
+  pure function without_ending(path) result(root)
+    character(len=*), intent(in) :: path
+    character(len=:), allocatable :: root
+
+    root = path(:index(path, '/', back=.true.))//stem(path)
+  end function without_ending
 
   !> An expression, checked; '' if the group lacks it.
   subroutine optional_expression(group, key, text, error, in_space)

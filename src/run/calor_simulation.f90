@@ -1,17 +1,20 @@
 !> The heat driver: a scene becomes a cloud, the cloud an operator, the operator is stepped in time.
 module calor_simulation
   use calor_body, only: body_t
+  use calor_checkpoint, only: checkpoint_clock_t, read_resume_point, save_scene
+  use calor_checkpoint_file, only: write_checkpoint_file
   use calor_cloud, only: cloud_t
   use calor_conduction, only: conduction_t
   use calor_error_transport, only: error_transport_t
   use calor_effect, only: effect_slot_t
-  use calor_error, only: error_t, raise, status_bad_input, status_bad_numbers
+  use calor_error, only: error_t, raise, status_bad_file, status_bad_input, status_bad_numbers
   use calor_evolution, only: evolution_t
   use calor_expression, only: expression_t, compile_expression
   use calor_heat_content, only: heat_content_t
   use calor_heat_budget, only: heat_budget_t, budget_entry_t
   use calor_initial_jumps, only: find_jump_errors
   use calor_integrators, only: make_integrator
+  use calor_interrupt, only: interrupted, interrupt_status
   use calor_kernel, only: kernel_t
   use calor_kernels, only: make_kernel
   use calor_kinds, only: wp, ip
@@ -22,10 +25,13 @@ module calor_simulation
   use calor_rightmost_eigenvalue, only: rightmost_t, find_rightmost
   use calor_row_report, only: row_report_t
   use calor_rows_in_motion, only: rows_in_motion_t
+  use calor_saved_state, only: saved_state_t
   use calor_scene, only: scene_t
   use calor_scene_body, only: make_scene_body
   use calor_scene_cloud, only: make_scene_cloud
   use calor_scene_evolution, only: make_scene_evolution, row_maker_t, scene_method, scene_rows_t
+  use calor_scene_file, only: scene_file_t, group_t, parse_scene_text
+  use calor_scene_getters, only: get
   use calor_scene_motion, only: motion_t
   use calor_scene_values, only: field_values
   use calor_simulation_file, only: simulation_file_t, check_target
@@ -35,6 +41,7 @@ module calor_simulation
   use calor_step_listener, only: step_listener_t
   use calor_stepper, only: stepper_t
   use calor_stopwatch, only: stopwatch_t
+  use calor_stored_fields, only: stored_fields_t
   use calor_sums, only: root_mean_square
   use calor_text, only: text_t, append, to_text
   implicit none (type, external)
@@ -104,6 +111,8 @@ module calor_simulation
     !> The rows of the estimate's reference on their way with the particles, where both are in force
     type(motion_t), allocatable, private :: reference_motion
     type(scene_t), allocatable, private :: reference_scene
+    !> How these rows change
+    type(rows_in_motion_t), private :: reference_change
     !> The unknowns, where they are not the temperatures: heat contents, K
     real(wp), allocatable :: content(:)
     !> Wall time by phase
@@ -113,11 +122,23 @@ module calor_simulation
     !> How the heat budget is made up, and that of each state written
     type(heat_budget_t) :: budget
     type(budget_entry_t), allocatable :: entries(:)
+    !> What the output file says of the method
+    character(len=:), allocatable, private :: method_note
+    !> The number of the last state written, 0 at the start; -1: none is
+    integer, private :: written = -1
+    !> The output file of a run that is resumed, and the text of the scene then
+    character(len=:), allocatable, private :: earlier_file, earlier_scene
   contains
     !> Make everything ready for the first step
     procedure :: prepare
+    !> Make everything ready to go on from a checkpoint: in place of `prepare`
+    procedure :: resume
     !> Step to the end and write what the scene asks for
     procedure :: run
+    procedure, private :: free_rows
+    !> Lay the state aside, and take it up again
+    procedure :: save => save_simulation
+    procedure :: restore => restore_simulation
     !> Find the steady temperature
     procedure :: settle
     !> Step to a time
@@ -145,6 +166,7 @@ module calor_simulation
     procedure, private :: temperature_slope
     procedure, private :: prepare_estimate
     procedure, private :: prepare_coarser
+    procedure, private :: advance_coarser
     !> How much of each particle is liquid, from 0 to 1
     procedure :: liquid_fraction
     procedure, private :: state
@@ -157,6 +179,11 @@ module calor_simulation
     procedure, private :: choose_steps
     procedure, private :: choose_method
     procedure, private :: states_after_start
+    procedure, private :: next_output
+    procedure, private :: open_file
+    procedure, private :: write_present_state
+    procedure, private :: write_checkpoint
+    procedure, private :: settle_state
     procedure, private :: advance_resting
     procedure, private :: advance_moving
     procedure, private :: take_reference_along
@@ -214,6 +241,10 @@ contains
     this%scene = scene
     call check_target(scene%output%file, scene%output%place, scene, error)
     if (allocated(error)) return
+    if (scene%checkpoint%asked) then
+      call check_target(scene%checkpoint%file, scene%checkpoint%place, scene, error, 'checkpoint')
+      if (allocated(error)) return
+    end if
     if (scene%output%every*huge(1) < scene%time%end .and. scene%output%every > 0) then
       call raise(error, status_bad_input, scene%output%place//': every = '// &
                  to_text(scene%output%every)//' s asks for more states than can be counted: '// &
@@ -275,84 +306,494 @@ contains
     call this%stopwatch%stop()
   end subroutine prepare
 
-  subroutine run(this, error, observer)
+  subroutine run(this, error, observer, lean)
     class(simulation_t), intent(inout) :: this
-    !> The numbers went wrong, or a file could not be written
+    !> The numbers went wrong, or a file could not be written; or the run was interrupted
     type(error_t), allocatable, intent(out) :: error
     !> Who is told about the progress
     class(observer_t), intent(inout), optional, target :: observer
+    !> Keep no more of what is known of the rows than steps and files need
+    logical, intent(in), optional :: lean
+    type(checkpoint_clock_t), target :: clock
     type(simulation_file_t) :: file
     type(error_t), allocatable :: file_error
-    integer :: written, states
     real(wp) :: next
+    !> Whether the run was interrupted, and whether the state lies between two that are written
+    logical :: stopped, amid
 
     call this%certify(error)
     if (allocated(error)) return
-    call file%open(this%scene, this%cloud, this%effects_in_force(), error)
-    if (allocated(error)) return
-    if (present(observer)) this%stepper%listener => observer
-    if (allocated(this%choice)) then
-      call file%say('time_method', this%method//' ('//this%choice%sentence()//')')
-    else if (allocated(this%method)) then
-      call file%say('time_method', this%method)
+    if (this%scene%time%steady) then
+      call this%settle(error)
+      if (allocated(error)) return
     end if
-    if (.not. allocated(this%motion)) call this%write_row_fields(file)
-    states = this%states_after_start()
-    do written = 0, states
-      if (written > 0) then
-        next = this%scene%time%end
-        if (written < states) next = written*this%scene%output%every
-        call this%advance_to(next, error)
-      else if (this%scene%time%steady) then
-        call this%settle(error)
-        if (allocated(error)) exit
-      end if
-      ! After a failure the state is the last good one: it is written too.
-      if (allocated(this%motion)) then
-        if (.not. allocated(error)) call this%settle_rows(error)
-        call file%move_points(this%cloud)
-      end if
-      call this%stopwatch%start('output')
-      call this%note_budget()
-      if (this%estimates_error()) then
-        call file%write_state(this%time, this%temperature, this%exact, file_error, &
-                              this%liquid_fraction(), this%error_estimate())
-      else
-        call file%write_state(this%time, this%temperature, this%exact, file_error, &
-                              this%liquid_fraction())
-      end if
-      if (allocated(this%motion) .and. .not. allocated(file_error)) then
-        call this%write_row_fields(file)
-      end if
-      call this%stopwatch%stop()
+    call this%open_file(file, error)
+    if (allocated(error)) return
+    if (present(lean)) call this%free_rows(lean)
+    if (present(observer)) clock%next => observer
+    call clock%start(this%scene%checkpoint, this%time)
+    this%stepper%listener => clock
+    stopped = .false.
+    if (this%written < 0) then
+      if (allocated(this%motion)) call this%settle_rows(error)
+      if (.not. allocated(error)) call this%write_present_state(file, file_error, observer)
+    end if
+    do while (this%time < this%scene%time%end .and. .not. this%scene%time%steady)
       if (allocated(error) .or. allocated(file_error)) exit
-      if (present(observer)) call observer%reached(this)
+      next = this%next_output()
+      call this%advance_to(next, error)
+      stopped = allocated(error) .and. interrupted()
+      amid = this%time < next .and. (stopped .or. .not. allocated(error))
+      if (amid) then
+        call this%write_checkpoint(file, file_error)
+        call clock%reset(this%time)
+        if (allocated(file_error)) exit
+        if (.not. stopped) cycle
+        call this%settle_state(error)
+      else if (stopped) then
+        deallocate (error)
+      end if
+      if (allocated(this%motion) .and. .not. allocated(error)) call this%settle_rows(error)
+      if (.not. amid) this%written = this%written + 1
+      ! After a failure the state is the last good one: it is written too.
+      call this%write_present_state(file, file_error, observer)
+      if (amid .or. allocated(error) .or. allocated(file_error)) exit
+      if (stopped .or. clock%is_due(this%time) .or. &
+          (this%scene%checkpoint%asked .and. .not. this%time < this%scene%time%end)) then
+        call this%write_checkpoint(file, file_error)
+        call clock%reset(this%time)
+      end if
+      if (stopped) exit
     end do
     nullify (this%stepper%listener)
-    if (this%scene%time%steady .and. allocated(error)) then
-      call file%abandon()
-      return
-    end if
-    if (.not. allocated(file_error)) then
-      call file%write_budget(this%budget, this%entries)
-      if (this%knows_exact()) call file%note('relative_l2_error', this%relative_l2_error())
-      if (this%estimates_error()) then
-        call file%note('estimated_error', this%estimated_error())
-        call file%note('estimated_maximum_error', this%estimated_maximum_error())
+    call finish()
+
+  contains
+
+    !> Complete the file, and say what became of the run.
+    subroutine finish()
+      if (allocated(file_error)) then
+        call file%abandon()
+      else
+        call file%begin_closing()
+        call file%write_budget(this%budget, this%entries)
+        if (this%knows_exact()) call file%note('relative_l2_error', this%relative_l2_error())
+        if (this%estimates_error()) then
+          call file%note('estimated_error', this%estimated_error())
+          call file%note('estimated_maximum_error', this%estimated_maximum_error())
+        end if
+        call file%close(this%stopwatch%phases, file_error)
       end if
-      call file%close(this%stopwatch%phases, file_error)
-    else
-      call file%abandon()
-    end if
-    if (allocated(error)) then
-      if (file%in_use .and. .not. allocated(file_error)) then
+      if (allocated(file_error) .and. (stopped .or. .not. allocated(error))) then
+        if (allocated(error)) deallocate (error)
+        call move_alloc(file_error, error)
+      else if (stopped .and. .not. allocated(error)) then
+        call raise(error, interrupt_status(), 'Interrupted at t = '// &
+                   to_text(this%time, digits=6)//' s. The state is in '// &
+                   this%scene%checkpoint%file//'; go on by'//new_line('a')// &
+                   'calor run --resume '//this%scene%path)
+      else if (allocated(error) .and. file%in_use .and. .not. allocated(file_error)) then
         error%message = error%message//new_line('a')//'The last good state, at t = '// &
                         to_text(this%time, digits=6)//' s, is in '//this%scene%output%file//'.'
       end if
-    else if (allocated(file_error)) then
-      call move_alloc(file_error, error)
-    end if
+    end subroutine finish
+
   end subroutine run
+
+  !> Begin the output file; where the run was resumed, with the states of before.
+  subroutine open_file(this, file, error)
+    class(simulation_t), intent(inout) :: this
+    type(simulation_file_t), intent(inout) :: file
+    !> It cannot be written, or the one of before is not what it was
+    type(error_t), allocatable, intent(out) :: error
+    type(stored_fields_t) :: earlier
+    logical :: goes_on
+
+    goes_on = .false.
+    if (allocated(this%earlier_file)) then
+      goes_on = this%earlier_file == this%scene%output%file .and. this%earlier_file /= ''
+    end if
+    if (goes_on) then
+      call check_earlier_file()
+      if (allocated(error)) return
+      call file%open(this%scene, this%cloud, this%effects_in_force(), error, earlier)
+    else
+      call file%open(this%scene, this%cloud, this%effects_in_force(), error)
+    end if
+    if (.not. allocated(error)) then
+      if (.not. allocated(this%method_note) .and. allocated(this%method)) then
+        this%method_note = this%method
+        if (allocated(this%choice)) then
+          this%method_note = this%method//' ('//this%choice%sentence()//')'
+        end if
+      end if
+      if (allocated(this%method_note)) call file%say('time_method', this%method_note)
+      if (.not. allocated(this%motion)) call this%write_row_fields(file)
+    end if
+    if (.not. goes_on) return
+    if (.not. allocated(error)) call file%take_over(earlier, size(this%entries), error)
+    call earlier%close()
+
+  contains
+
+    !> The states of before must still be there.
+    subroutine check_earlier_file()
+      type(error_t), allocatable :: unreadable
+      logical :: fits
+      integer :: k
+
+      inquire (file=this%earlier_file, exist=fits)
+      if (fits) call earlier%open(this%earlier_file, unreadable)
+      fits = fits .and. .not. allocated(unreadable)
+      if (fits) then
+        fits = earlier%particles == this%cloud%particles() .and. &
+               size(earlier%time) >= size(this%entries) .and. &
+               earlier%note('scene') == this%earlier_scene
+      end if
+      do k = 1, size(this%entries)
+        if (fits) fits = .not. abs(earlier%time(k) - this%entries(k)%time) > 0
+      end do
+      if (fits) return
+      call earlier%close()
+      call raise(error, status_bad_file, 'The output file '''//this%earlier_file// &
+                 ''' does not hold the '//to_text(size(this%entries))//' states that belong to '// &
+                 'the checkpoint: put it back, or name another &output file for the states '// &
+                 'from here on.')
+    end subroutine check_earlier_file
+
+  end subroutine open_file
+
+  !> The time of the next state that is written, s
+  pure function next_output(this) result(time)
+    class(simulation_t), intent(in) :: this
+    real(wp) :: time
+
+    time = this%scene%time%end
+    if (this%written + 1 < this%states_after_start()) then
+      time = (this%written + 1)*this%scene%output%every
+    end if
+  end function next_output
+
+  !> Write the present state with its heat budget.
+  subroutine write_present_state(this, file, error, observer)
+    class(simulation_t), intent(inout) :: this
+    type(simulation_file_t), intent(inout) :: file
+    !> The file cannot be written
+    type(error_t), allocatable, intent(out) :: error
+    class(observer_t), intent(inout), optional :: observer
+
+    if (allocated(this%motion)) call file%move_points(this%cloud)
+    call this%stopwatch%start('output')
+    call this%note_budget()
+    if (this%estimates_error()) then
+      call file%begin_state(this%time, this%temperature, this%exact, this%liquid_fraction(), &
+                            this%error_estimate())
+    else
+      call file%begin_state(this%time, this%temperature, this%exact, this%liquid_fraction())
+    end if
+    if (allocated(this%motion)) call this%write_row_fields(file)
+    call file%write_state(error)
+    call this%stopwatch%stop()
+    this%written = max(this%written, 0)
+    if (present(observer) .and. .not. allocated(error)) call observer%reached(this)
+  end subroutine write_present_state
+
+  !> Lay the state aside. The output file takes its place before: it belongs to it.
+  subroutine write_checkpoint(this, file, error)
+    class(simulation_t), intent(inout) :: this
+    type(simulation_file_t), intent(inout) :: file
+    !> One of the two cannot be written
+    type(error_t), allocatable, intent(out) :: error
+    type(saved_state_t) :: state
+
+    call this%stopwatch%start('output')
+    call file%publish(error)
+    if (allocated(error)) return
+    call this%save(state)
+    call write_checkpoint_file(this%scene%checkpoint%file, state, this%scene%checkpoint%keep, error)
+    call this%stopwatch%stop()
+  end subroutine write_checkpoint
+
+  !> Between two states that are written, after the checkpoint: bring all up to the present time.
+  subroutine settle_state(this, error)
+    class(simulation_t), intent(inout) :: this
+    !> The error cannot be brought up
+    type(error_t), allocatable, intent(out) :: error
+
+    if (allocated(this%estimate)) then
+      if (allocated(this%content)) then
+        call this%estimate%catch_up(this%conduction, this%time, this%content, error)
+      else
+        call this%estimate%catch_up(this%conduction, this%time, this%temperature, error)
+      end if
+    end if
+    if (allocated(this%coarser) .and. .not. allocated(error)) call this%advance_coarser(error)
+    if (allocated(this%motion)) then
+      if (this%motion%under_way) call this%motion%go_to(this%time, this%cloud, this%conduction)
+    end if
+  end subroutine settle_state
+
+  subroutine resume(this, scene, path, error)
+    class(simulation_t), intent(out) :: this
+    !> The scene
+    type(scene_t), intent(in) :: scene
+    !> The checkpoint; '': the one that the scene names
+    character(len=*), intent(in) :: path
+    !> The checkpoint cannot be used
+    type(error_t), allocatable, intent(out) :: error
+    type(saved_state_t) :: state
+
+    call read_resume_point(scene, path, state, error)
+    if (allocated(error)) return
+    ! What certifies the operator is in the checkpoint.
+    call this%prepare(scene, error, uncertified=.true.)
+    if (allocated(error)) return
+    call this%restore(state, error)
+  end subroutine resume
+
+  !> Lay aside all that the rest of the run depends on and `prepare` does not know.
+  recursive subroutine save_simulation(this, state)
+    class(simulation_t), intent(in) :: this
+    type(saved_state_t), intent(inout) :: state
+    real(wp), allocatable :: power(:, :)
+    integer :: k
+
+    call save_scene(this%scene, state)
+    call state%put('time', this%time)
+    call state%put('written', this%written)
+    call state%put('temperature', this%temperature)
+    if (allocated(this%content)) call state%put('content', this%content)
+    call state%put('method', this%method)
+    if (allocated(this%method_note)) call state%put('method_note', this%method_note)
+    call state%enter('rightmost_eigenvalue')
+    call state%put('value', [this%rightmost%growth_rate, this%rightmost%frequency])
+    call state%put('converged', this%rightmost%converged)
+    call state%put('method', trim(this%rightmost%method))
+    call state%put('place', this%rightmost%place)
+    if (allocated(this%conduction%suspicion)) then
+      call state%put('suspicion', this%conduction%suspicion)
+    end if
+    call state%leave()
+    call this%stepper%save(state)
+    call this%conduction%save(state)
+    if (allocated(this%estimate)) then
+      call this%estimate%save(state)
+      select type (reference => this%estimate%reference)
+      type is (conduction_t)
+        call state%enter('reference')
+        call reference%save(state)
+        call state%leave()
+      end select
+    end if
+    if (allocated(this%motion)) then
+      call state%enter('motion')
+      call this%motion%save(this%cloud, state)
+      call state%leave()
+    end if
+    if (allocated(this%reference_motion)) then
+      call state%enter('reference_motion')
+      call this%reference_motion%save(this%cloud, state)
+      call this%reference_change%save(state)
+      call state%leave()
+    end if
+    if (allocated(this%coarser)) then
+      select type (coarser => this%coarser)
+      type is (simulation_t)
+        call state%enter('coarser')
+        call coarser%save(state)
+        call state%leave()
+      end select
+    end if
+    call state%put('output_file', this%scene%output%file)
+    call state%enter('budget')
+    call state%put('time', this%entries%time)
+    call state%put('stored', this%entries%stored)
+    call state%put('stored_rate', this%entries%stored_rate)
+    call state%put('imbalance', this%entries%imbalance)
+    if (this%budget%available) then
+      allocate (power(size(this%budget%account), size(this%entries)))
+      do k = 1, size(this%entries)
+        power(:, k) = this%entries(k)%power
+      end do
+      call state%put('power', reshape(power, [size(power)]))
+    end if
+    call state%leave()
+    call state%enter('wall_time')
+    call state%put('seconds', this%stopwatch%phases%seconds)
+    do k = 1, size(this%stopwatch%phases)
+      call state%put('phase_'//to_text(k), trim(this%stopwatch%phases(k)%name))
+    end do
+    call state%leave()
+  end subroutine save_simulation
+
+  !> Take up what was laid aside, after `prepare`.
+  recursive subroutine restore_simulation(this, state, error)
+    class(simulation_t), intent(inout) :: this
+    type(saved_state_t), intent(inout) :: state
+    !> It does not fit
+    type(error_t), allocatable, intent(out) :: error
+    type(scene_rows_t) :: rows
+    real(wp) :: radius, longest
+    logical :: renewed
+
+    call state%get('time', this%time)
+    call state%get('written', this%written)
+    call state%get('output_file', this%earlier_file)
+    call state%get('scene', this%earlier_scene)
+    call state%get('temperature', this%temperature)
+    if (allocated(this%content)) call state%get('content', this%content)
+    if (size(this%temperature) /= this%cloud%particles()) then
+      call raise(error, status_bad_file, 'The checkpoint has '// &
+                 to_text(size(this%temperature))//' particles, and the scene '// &
+                 to_text(this%cloud%particles())//'.')
+      return
+    end if
+    call state%get('method', this%method)
+    if (state%has('method_note')) call state%get('method_note', this%method_note)
+    if (allocated(this%reference_motion)) then
+      select type (reference => this%estimate%reference)
+      type is (conduction_t)
+        call state%enter('reference_motion')
+        call this%reference_motion%restore(this%reference_scene, this%cloud, reference, rows, &
+                                           renewed, .true., state, error)
+        call this%reference_change%restore(state)
+        call state%leave()
+        if (allocated(error)) return
+        call state%enter('reference')
+        call reference%restore(state)
+        call state%leave()
+      end select
+    end if
+    if (allocated(this%motion)) then
+      call state%enter('motion')
+      call this%motion%restore(this%scene, this%cloud, this%conduction, rows, renewed, .false., &
+                               state, error)
+      call state%leave()
+      if (allocated(error)) return
+      if (renewed) call this%adopt_rows(rows)
+      if (this%scene%motion%shifting) call this%budget%weigh(this%cloud%area)
+    end if
+    call this%conduction%restore(state)
+    if (allocated(this%estimate)) call this%estimate%restore(state)
+    if (allocated(this%coarser)) then
+      select type (coarser => this%coarser)
+      type is (simulation_t)
+        call state%enter('coarser')
+        call coarser%restore(state, error)
+        call state%leave()
+        if (allocated(error)) return
+      end select
+    end if
+    ! A new integrator: the one at hand may have steps of its own behind it.
+    call make_integrator(this%method, this%stepper%integrator, error)
+    if (allocated(error)) return
+    radius = this%stepper%spectral_radius
+    longest = this%stepper%longest_step
+    call this%stepper%restore(state)
+    call restore_certificate(this, state)
+    call restore_records(this, state)
+    if (allocated(state%problem)) then
+      call raise(error, status_bad_file, 'The checkpoint lacks '''//state%problem//'''.')
+      return
+    end if
+    call allow_for_changes()
+
+  contains
+
+    !> End time and times of output may be others now.
+    subroutine allow_for_changes()
+      type(scene_file_t) :: before
+      type(error_t), allocatable :: ignored
+      type(group_t) :: group
+      real(wp) :: end_time, every
+
+      every = 0
+      end_time = this%scene%time%end
+      call parse_scene_text(this%earlier_scene, 'scene', before, ignored)
+      call before%group('time', group)
+      if (group%has('end')) call get(group, 'end', end_time, ignored)
+      call before%group('output', group)
+      if (group%has('every')) call get(group, 'every', every, ignored)
+      if (abs(end_time - this%scene%time%end) > 0) then
+        ! What changes with time may become stiffer than was known.
+        this%stepper%spectral_radius = max(radius, this%stepper%spectral_radius)
+        this%stepper%longest_step = min(longest, this%stepper%longest_step)
+      else if (.not. abs(every - this%scene%output%every) > 0) then
+        return
+      end if
+      this%written = 0
+      if (this%scene%output%every > 0) then
+        this%written = int(this%time/this%scene%output%every*(1 + 1.0e-12_wp))
+      end if
+    end subroutine allow_for_changes
+
+  end subroutine restore_simulation
+
+  !> What is known of the stability of the operator
+  subroutine restore_certificate(this, state)
+    class(simulation_t), intent(inout) :: this
+    type(saved_state_t), intent(inout) :: state
+    real(wp), allocatable :: value(:)
+    character(len=:), allocatable :: method
+
+    call state%enter('rightmost_eigenvalue')
+    call state%get('value', value)
+    if (allocated(value)) then
+      this%rightmost%growth_rate = value(1)
+      this%rightmost%frequency = value(2)
+    end if
+    call state%get('converged', this%rightmost%converged)
+    method = ''
+    call state%get('method', method)
+    this%rightmost%method = method
+    call state%get('place', this%rightmost%place)
+    if (state%has('suspicion')) call state%get('suspicion', this%conduction%suspicion)
+    call state%leave()
+  end subroutine restore_certificate
+
+  !> The heat budgets of the states written, and the wall time so far
+  subroutine restore_records(this, state)
+    class(simulation_t), intent(inout) :: this
+    type(saved_state_t), intent(inout) :: state
+    type(stopwatch_t) :: earlier
+    character(len=:), allocatable :: name
+    real(wp), allocatable :: time(:), stored(:), stored_rate(:), imbalance(:), power(:), seconds(:)
+    integer :: k, accounts
+
+    call state%enter('budget')
+    call state%get('time', time)
+    call state%get('stored', stored)
+    call state%get('stored_rate', stored_rate)
+    call state%get('imbalance', imbalance)
+    if (this%budget%available) call state%get('power', power)
+    call state%leave()
+    call state%enter('wall_time')
+    call state%get('seconds', seconds)
+    if (.not. allocated(state%problem)) then
+      deallocate (this%entries)
+      allocate (this%entries(size(time)))
+      this%entries%time = time
+      this%entries%stored = stored
+      this%entries%stored_rate = stored_rate
+      this%entries%imbalance = imbalance
+      if (this%budget%available) then
+        accounts = size(this%budget%account)
+        do k = 1, size(time)
+          this%entries(k)%power = power((k - 1)*accounts + 1:k*accounts)
+        end do
+      end if
+      name = ''
+      do k = 1, size(seconds)
+        call state%get('phase_'//to_text(k), name)
+        call earlier%start(name)
+        call earlier%stop()
+        earlier%phases(k)%seconds = seconds(k)
+      end do
+      call earlier%add(this%stopwatch)
+      this%stopwatch = earlier
+    end if
+    call state%leave()
+  end subroutine restore_records
 
   !> How many states are written after the first
   pure function states_after_start(this) result(states)
@@ -365,6 +806,20 @@ contains
       states = max(1, ceiling(this%scene%time%end/this%scene%output%every*(1 - 1.0e-12_wp)))
     end if
   end function states_after_start
+
+  !> Free what set-up has left of rows and steps do not need. Implicit steps and the estimate of the
+  !> error take the rows as they were assembled, moving particles new ones.
+  subroutine free_rows(this, lean)
+    class(simulation_t), intent(inout) :: this
+    logical, intent(in) :: lean
+
+    if (.not. lean .or. allocated(this%motion) .or. allocated(this%estimate)) return
+    if (this%scene%time%steady .or. this%method == 'tr_bdf2') return
+    call this%conduction%keep_streamed_rows()
+    this%report = row_report_t()
+    this%repairs = row_repairs_t()
+    if (allocated(this%radius)) deallocate (this%radius)
+  end subroutine free_rows
 
   !> Fields about the rows, which change only where particles move, if the scene asks for them.
   subroutine write_row_fields(this, file)
@@ -406,7 +861,7 @@ contains
       real(wp), intent(in) :: values(:)
 
       if (allocated(this%motion)) then
-        call file%write_more(name, values)
+        call file%add_field(name, values)
       else
         call file%write_static(name, values)
       end if
@@ -518,12 +973,13 @@ contains
     end do
   end function effects_in_force
 
-  subroutine advance_to(this, time, error)
+  recursive subroutine advance_to(this, time, error)
     class(simulation_t), intent(inout) :: this
     !> Time to reach, s
     real(wp), intent(in) :: time
     !> The numbers went wrong; time and temperature are those of the last good state
     type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable :: coarser_error
 
     if (allocated(this%motion)) then
       call this%advance_moving(time, error)
@@ -531,15 +987,27 @@ contains
     else
       call this%advance_resting(time, error)
     end if
-    if (.not. allocated(this%coarser) .or. allocated(error)) return
+    ! What pauses amid an interval leaves the coarser run behind.
+    if (.not. allocated(this%coarser) .or. this%time < time) return
+    if (allocated(error) .and. .not. interrupted()) return
+    call this%advance_coarser(coarser_error)
+    if (allocated(coarser_error)) call move_alloc(coarser_error, error)
+  end subroutine advance_to
+
+  !> Bring the coarser run to the present time.
+  recursive subroutine advance_coarser(this, error)
+    class(simulation_t), intent(inout) :: this
+    !> The numbers went wrong
+    type(error_t), allocatable, intent(out) :: error
+
     call this%stopwatch%start('error estimate')
     select type (coarser => this%coarser)
     type is (simulation_t)
-      call coarser%advance_to(time, error)
+      call coarser%advance_to(this%time, error)
     end select
     call this%stopwatch%stop()
     if (allocated(error)) error%message = coarser_run//error%message
-  end subroutine advance_to
+  end subroutine advance_coarser
 
   !> Step to a time with the rows as they are.
   subroutine advance_resting(this, time, error)
@@ -560,13 +1028,17 @@ contains
 
     subroutine advance(state)
       real(wp), intent(inout) :: state(:)
+      type(error_t), allocatable :: transport_error
 
       call this%stopwatch%start('steps')
       if (allocated(this%estimate)) then
         call this%stepper%advance_to(this%conduction, this%time, time, state, error, &
                                      watcher=this%estimate)
-        if (.not. allocated(error)) then
-          call this%estimate%catch_up(this%conduction, this%time, state, error)
+        if (.not. this%time < time .and. (interrupted() .or. .not. allocated(error))) then
+          call this%estimate%catch_up(this%conduction, this%time, state, transport_error)
+        end if
+        if (allocated(transport_error) .and. .not. allocated(error)) then
+          call move_alloc(transport_error, error)
         end if
         call this%stopwatch%stop()
         call this%stopwatch%take_over(this%estimate%stopwatch, 'steps')
@@ -588,12 +1060,36 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(scene_rows_t) :: rows
     type(error_t), allocatable :: ignored
-    type(rows_in_motion_t) :: change
+    type(error_t), allocatable :: shift_error
     real(wp) :: until
     logical :: renewed
 
     do while (this%time < time)
       call this%stopwatch%start('motion')
+      if (.not. this%motion%under_way) then
+        call begin_step()
+        if (allocated(error)) return
+      end if
+      call this%advance_resting(this%motion%until, error)
+      call this%stopwatch%start('motion')
+      ! A pause, or an interrupt: the step can be continued.
+      if (this%time < this%motion%until .and. (interrupted() .or. .not. allocated(error))) return
+      this%motion%under_way = .false.
+      if (allocated(this%reference_motion)) this%reference_motion%under_way = .false.
+      call this%motion%go_to(this%time, this%cloud, this%conduction)
+      if (allocated(error) .and. .not. interrupted()) return
+      if (this%scene%motion%shifting) then
+        call this%stopwatch%start('shifting')
+        call this%shift_particles(shift_error)
+        if (allocated(shift_error) .and. .not. allocated(error)) call move_alloc(shift_error, error)
+      end if
+      if (allocated(error)) return
+    end do
+
+  contains
+
+    !> Choose a step of the motion and go to its middle.
+    subroutine begin_step()
       call this%motion%plan(this%cloud, this%time, time - this%time, error)
       if (allocated(error)) return
       until = this%time + this%motion%path%step
@@ -602,7 +1098,7 @@ contains
                                     error, this%stopwatch)
       if (.not. allocated(error) .and. renewed) call this%adopt_rows(rows, error)
       if (.not. allocated(error) .and. allocated(this%estimate)) then
-        call this%take_reference_along(renewed, change, error)
+        call this%take_reference_along(renewed, error)
       end if
       if (allocated(error)) then
         ! Back to the last good state
@@ -610,26 +1106,22 @@ contains
         call this%settle_rows(ignored)
         return
       end if
-      call this%stepper%integrator%restart()
-      call this%advance_resting(until, error)
-      call this%stopwatch%start('motion')
-      call this%motion%go_to(this%time, this%cloud, this%conduction)
-      if (allocated(error)) return
-      if (this%scene%motion%shifting) then
-        call this%stopwatch%start('shifting')
-        call this%shift_particles(error)
-        if (allocated(error)) return
+      this%motion%until = until
+      this%motion%under_way = .true.
+      if (allocated(this%reference_motion)) then
+        this%reference_motion%until = until
+        this%reference_motion%under_way = .true.
       end if
-    end do
+      call this%stepper%integrator%restart()
+    end subroutine begin_step
+
   end subroutine advance_moving
 
   !> Make the reference's rows for where the cloud is now: amid a step of the motion.
-  subroutine take_reference_along(this, renewed, change, error)
+  subroutine take_reference_along(this, renewed, error)
     class(simulation_t), intent(inout) :: this
     !> Whether the scene's own rows are new
     logical, intent(in) :: renewed
-    !> How the reference's rows change
-    type(rows_in_motion_t), intent(inout) :: change
     !> There are none
     type(error_t), allocatable, intent(out) :: error
     type(scene_rows_t) :: rows
@@ -638,7 +1130,8 @@ contains
     call this%stopwatch%start('error estimate')
     select type (reference => this%estimate%reference)
     type is (conduction_t)
-      associate (motion => this%reference_motion, path => this%motion%path)
+      associate (motion => this%reference_motion, path => this%motion%path, &
+                 change => this%reference_change)
         call change%note_before(reference, this%time, this%state(), motion%rows_time)
         call motion%accompany(this%motion)
         call motion%enter_middle(this%reference_scene, this%cloud, reference, rows, &
@@ -692,7 +1185,9 @@ contains
       call this%reference_motion%accompany(this%motion)
       call this%reference_motion%renew_rows(this%reference_scene, this%cloud, reference, rows, &
                                             renewed, error, this%stopwatch)
+      if (allocated(error)) return
       this%reference_motion%rows_time = this%time
+      call reference%follow(this%cloud%x, this%cloud%y, this%motion%places)
     end select
   end subroutine shift_particles
 
@@ -867,6 +1362,8 @@ contains
     type is (simulation_t)
       call coarser%prepare(scene, error, further, uncertified=.true.)
       if (.not. allocated(error)) call coarser%certify(error)
+      ! A step of the run is not over before its estimate has come to the same time.
+      coarser%stepper%interruptible = .false.
     end select
     if (allocated(error)) error%message = coarser_run//error%message
   end subroutine prepare_coarser
@@ -1085,7 +1582,12 @@ contains
     real(wp), allocatable :: slope(:)
 
     call move_alloc(this%conduction%slope, slope)
-    if (this%conduction%laplacian%gershgorin_right_end() > 0) then
+    if (allocated(this%conduction%jumps)) then
+      ! What jumps add to weights may have any sign.
+      call linearise_evenly()
+      call find_rightmost(this%conduction, this%stepper%spectral_radius, this%rightmost)
+      call this%conduction%assume_stiffest()
+    else if (this%conduction%laplacian%gershgorin_right_end() > 0) then
       call find_rightmost(this%conduction, this%stepper%spectral_radius, this%rightmost)
     else
       this%rightmost%converged = .true.
@@ -1107,6 +1609,22 @@ contains
       this%conduction%suspicion = 'The scheme has no unstable eigenvalue on this cloud, so the '// &
                                   'step is too long: take a smaller &time step or tolerance.'
     end if
+
+  contains
+
+    !> About one temperature everywhere, in the middle of those given: the largest derivatives, each
+    !> taken at another temperature, do not belong together.
+    subroutine linearise_evenly()
+      real(wp), allocatable :: state(:)
+
+      allocate (state(this%conduction%unknowns()))
+      associate (conduction => this%conduction)
+        call conduction%find_state(spread(0.5_wp*(conduction%lowest + conduction%highest), 1, &
+                                          size(state)), state)
+        call conduction%linearise(this%time, state)
+      end associate
+    end subroutine linearise_evenly
+
   end subroutine find_growth
 
   !> New rows have a spectrum of their own, of which Gershgorin's bound is known at no cost.

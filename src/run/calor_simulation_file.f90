@@ -10,7 +10,9 @@ module calor_simulation_file
   use calor_scene, only: scene_t
   use calor_scene_cloud, only: beside_scene
   use calor_stopwatch, only: phase_t
+  use calor_stored_fields, only: stored_fields_t
   use calor_text, only: text_t
+  use calor_twin_file, only: twin_file_t, field_state_t
   use calor_version, only: version
   implicit none (type, external)
   private
@@ -21,14 +23,19 @@ module calor_simulation_file
   type :: simulation_file_t
     !> Whether the scene names a file
     logical :: in_use = .false.
-    type(field_file_t), private :: file
+    type(twin_file_t), private :: file
+    !> The state that is being put together
+    type(field_state_t), private :: state
     type(text_t), allocatable, private :: fields(:)
     !> Coordinates in the user's order, and where each particle of that order is in the cloud's
     real(wp), allocatable, private :: x(:), y(:)
     integer, allocatable, private :: place(:)
-    integer, private :: states = 0
+    !> States written
+    integer :: states = 0
     !> Whether particles move
     logical, private :: in_motion = .false.
+    !> Whether states of an earlier file are on their way: it stays until all are here
+    logical, private :: taking_over = .false.
     !> The first error of a note, reported on closing
     type(error_t), allocatable, private :: pending
   contains
@@ -38,10 +45,18 @@ module calor_simulation_file
     procedure :: write_static
     !> Take the places of particles that move, for the next state
     procedure :: move_points
-    !> Append a state
+    !> Begin a state with the fields that change with time
+    procedure :: begin_state
+    !> Add a further field to it
+    procedure :: add_field
+    !> Write it
     procedure :: write_state
-    !> Write a further field of the last state
-    procedure :: write_more
+    !> Put the file in its place, that of an older one perhaps
+    procedure :: publish
+    !> Take over the first states of an earlier file
+    procedure :: take_over
+    !> States are over
+    procedure :: begin_closing
     !> Note a figure about the run
     procedure :: note
     !> The same in words
@@ -56,7 +71,7 @@ module calor_simulation_file
 
 contains
 
-  subroutine open_file(this, scene, cloud, effects, error)
+  subroutine open_file(this, scene, cloud, effects, error, earlier)
     class(simulation_file_t), intent(inout) :: this
     !> The scene
     type(scene_t), intent(in) :: scene
@@ -66,6 +81,9 @@ contains
     type(text_t), intent(in) :: effects(:)
     !> The file cannot be made
     type(error_t), allocatable, intent(out) :: error
+    !> The file whose first states will be taken over
+    type(stored_fields_t), intent(in), optional :: earlier
+    real(wp), allocatable :: x(:), y(:)
     integer :: k
 
     this%in_use = scene%output%file /= ''
@@ -76,20 +94,28 @@ contains
     this%x = cloud%x(this%place)
     this%y = cloud%y(this%place)
     this%in_motion = scene%motion%in_force
-    call this%file%create(scene%output%file, this%x, this%y, error, moving=this%in_motion)
+    if (present(earlier)) call earlier%read_places(1, x, y, error)
     if (allocated(error)) return
-    call write_origin(this%file, scene, cloud, error)
-    if (allocated(error)) then
-      call this%file%discard()
-      return
+    if (.not. present(earlier)) then
+      x = this%x
+      y = this%y
     end if
+    call this%file%create(scene%output%file, x, y, this%in_motion, error)
+    if (allocated(error)) return
+    do k = 1, size(this%file%copy)
+      call write_origin(this%file%copy(k), scene, cloud, error)
+      if (allocated(error)) then
+        call this%file%discard()
+        return
+      end if
+    end do
     call this%file%set_attribute('effects', effects, error)
     if (allocated(error)) call this%file%discard()
   end subroutine open_file
 
   !> Find out, before any work is done, whether a file can be written; '' stands for none.
   !> What the scene is read from is not to be written over.
-  subroutine check_target(path, place, scene, error)
+  subroutine check_target(path, place, scene, error, called)
     !> The file
     character(len=*), intent(in) :: path
     !> Where the scene names it
@@ -98,10 +124,12 @@ contains
     type(scene_t), intent(in) :: scene
     !> It cannot be written, or must not
     type(error_t), allocatable, intent(out) :: error
+    !> What the file is called in messages; without it 'output file'
+    character(len=*), intent(in), optional :: called
     character(len=:), allocatable :: target
 
     if (path == '') return
-    call check_place(path, error)
+    call check_place(path, error, called)
     if (allocated(error)) then
       error%message = place//': '//error%message
       return
@@ -181,7 +209,7 @@ contains
     call this%file%add_static(name, values(this%place), this%pending)
   end subroutine write_static
 
-  subroutine write_state(this, time, temperature, exact, error, liquid_fraction, estimate)
+  subroutine begin_state(this, time, temperature, exact, liquid_fraction, estimate)
     class(simulation_file_t), intent(inout) :: this
     !> Time, s
     real(wp), intent(in) :: time
@@ -189,36 +217,35 @@ contains
     real(wp), intent(in) :: temperature(:)
     !> The true temperature; used only for fields that need it
     type(expression_t), intent(in) :: exact
-    !> The file cannot be written
-    type(error_t), allocatable, intent(out) :: error
     !> How much of each particle is liquid, in the cloud's order; used only if it is to be written
     real(wp), intent(in), optional :: liquid_fraction(:)
     !> Estimate of true temperature less temperature; needed only for fields made of it
     real(wp), intent(in), optional :: estimate(:)
+    type(field_state_t) :: empty
     real(wp), allocatable :: ordered(:), truth(:)
     integer :: k
 
     if (.not. this%in_use) return
     ordered = temperature(this%place)
-    call this%file%begin_step(time, error)
-    if (allocated(error)) return
-    if (this%in_motion) call this%file%write_places(this%x, this%y, error)
-    if (allocated(error)) return
+    this%state = empty
+    this%state%time = time
+    if (this%in_motion) then
+      this%state%x = this%x
+      this%state%y = this%y
+    end if
     do k = 1, size(this%fields)
       select case (this%fields(k)%value)
       case ('temperature')
-        call this%file%write_field('temperature', ordered, error)
+        call this%state%add('temperature', ordered)
       case ('error_estimate')
-        if (present(estimate)) then
-          call this%file%write_field('error_estimate', estimate(this%place), error)
-        end if
+        if (present(estimate)) call this%state%add('error_estimate', estimate(this%place))
       case ('temperature_corrected')
         if (present(estimate)) then
-          call this%file%write_field('temperature_corrected', ordered + estimate(this%place), error)
+          call this%state%add('temperature_corrected', ordered + estimate(this%place))
         end if
       case ('liquid_fraction')
         if (present(liquid_fraction)) then
-          call this%file%write_field('liquid_fraction', liquid_fraction(this%place), error)
+          call this%state%add('liquid_fraction', liquid_fraction(this%place))
         end if
       case ('exact', 'error')
         if (.not. allocated(truth)) then
@@ -226,21 +253,117 @@ contains
           call exact%evaluate(this%x, this%y, time, values=truth)
         end if
         if (this%fields(k)%value == 'exact') then
-          call this%file%write_field('exact', truth, error)
+          call this%state%add('exact', truth)
         else
-          call this%file%write_field('error', ordered - truth, error)
+          call this%state%add('error', ordered - truth)
         end if
       case default
         continue
       end select
-      if (allocated(error)) return
     end do
-    call this%file%flush(error)
+  end subroutine begin_state
+
+  subroutine add_field(this, name, values)
+    class(simulation_file_t), intent(inout) :: this
+    !> Name of the field
+    character(len=*), intent(in) :: name
+    !> Its values in the cloud's order
+    real(wp), intent(in) :: values(:)
+
+    if (this%in_use) call this%state%add(name, values(this%place))
+  end subroutine add_field
+
+  subroutine write_state(this, error)
+    class(simulation_file_t), intent(inout) :: this
+    !> The file cannot be written
+    type(error_t), allocatable, intent(out) :: error
+
+    if (.not. this%in_use) return
+    call this%file%write_state(this%state, error)
     if (allocated(error)) return
     this%states = this%states + 1
     ! A second state: the run works, so the file takes its place, that of an older one perhaps.
-    if (this%states == 2) call this%file%publish(error)
+    if (this%states == 2 .and. .not. this%taking_over) call this%publish(error)
   end subroutine write_state
+
+  subroutine publish(this, error)
+    class(simulation_file_t), intent(inout) :: this
+    !> The file cannot be put in its place
+    type(error_t), allocatable, intent(out) :: error
+
+    if (this%in_use .and. this%states > 0) call this%file%publish(error)
+  end subroutine publish
+
+  !> Take over the first states of an earlier file, in the same order of writing: what becomes of
+  !> the file is what would have become of it had there been no break.
+  subroutine take_over(this, earlier, states, error)
+    class(simulation_file_t), intent(inout) :: this
+    !> The earlier file
+    type(stored_fields_t), intent(in) :: earlier
+    !> How many states
+    integer, intent(in) :: states
+    !> It cannot be read, or this one not be written
+    type(error_t), allocatable, intent(out) :: error
+    type(field_state_t) :: empty
+    real(wp), allocatable :: values(:)
+    integer :: k
+
+    if (.not. this%in_use) return
+    this%taking_over = .true.
+    do k = 1, states
+      this%state = empty
+      this%state%time = earlier%time(k)
+      if (this%in_motion) then
+        call earlier%read_places(k, this%state%x, this%state%y, error)
+        if (allocated(error)) return
+      end if
+      allocate (this%state%name(0), this%state%value(earlier%particles, 0))
+      ! Fields about the rows come last, and with each state only where particles move.
+      call take_fields(.true.)
+      if (.not. allocated(error) .and. this%in_motion) call take_fields(.false.)
+      if (allocated(error)) return
+      call this%write_state(error)
+      if (allocated(error)) return
+    end do
+    this%taking_over = .false.
+    if (states > 1) call this%publish(error)
+
+  contains
+
+    subroutine take_fields(changing)
+      logical, intent(in) :: changing
+      integer :: j
+
+      do j = 1, size(this%fields)
+        if (.not. earlier%has(this%fields(j)%value)) cycle
+        if (changes_with_time(this%fields(j)%value) .neqv. changing) cycle
+        call earlier%read_field(this%fields(j)%value, k, values, error)
+        if (allocated(error)) return
+        call this%state%add(this%fields(j)%value, values)
+      end do
+    end subroutine take_fields
+
+  end subroutine take_over
+
+  !> Whether a field is written with each state even where nothing moves
+  pure function changes_with_time(field) result(answer)
+    character(len=*), intent(in) :: field
+    logical :: answer
+
+    select case (field)
+    case ('temperature', 'exact', 'error', 'liquid_fraction', 'error_estimate', &
+          'temperature_corrected')
+      answer = .true.
+    case default
+      answer = .false.
+    end select
+  end function changes_with_time
+
+  subroutine begin_closing(this)
+    class(simulation_file_t), intent(inout) :: this
+
+    if (this%in_use) call this%file%begin_closing()
+  end subroutine begin_closing
 
   subroutine move_points(this, cloud)
     class(simulation_file_t), intent(inout) :: this
@@ -251,17 +374,6 @@ contains
     this%x = cloud%x(this%place)
     this%y = cloud%y(this%place)
   end subroutine move_points
-
-  subroutine write_more(this, name, values)
-    class(simulation_file_t), intent(inout) :: this
-    !> Name of the field
-    character(len=*), intent(in) :: name
-    !> Its values in the cloud's order
-    real(wp), intent(in) :: values(:)
-
-    if (.not. this%in_use .or. allocated(this%pending)) return
-    call this%file%write_field(name, values(this%place), this%pending)
-  end subroutine write_more
 
   subroutine note(this, name, value)
     class(simulation_file_t), intent(inout) :: this

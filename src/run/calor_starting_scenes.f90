@@ -17,6 +17,7 @@ module calor_starting_scenes
       choice_t('fin', 'a cooling fin: hot foot, convection all around, steady'), &
       choice_t('two_materials', 'insulation on a metal plate'), &
       choice_t('hot_spot', 'a source on a chip with a cooled back'), &
+      choice_t('rotating_disc', 'a brake disc turns past its pad'), &
       choice_t('melting', 'a block of ice melts from one side'), &
       choice_t('cloud', 'particles of your own, in a CSV file that is written too') &
       ]
@@ -173,6 +174,34 @@ module calor_starting_scenes
       '&output    file = ''@.vtkhdf''  every = 0.002 /' &
       ]
 
+  character(len=width), parameter :: rotating_disc(*) = [character(len=width) :: &
+      '! A brake disc of steel, 20 cm across, turns once in a second past the pad that heats it.', &
+      '! The particles turn with the disc; the pad stays where it is.', &
+      '', &
+      '&scene     title = ''@'' /', &
+      '', &
+      '&domain    shape = ''annulus''  centre = 0.0, 0.0  radius = 0.1  inner_radius = 0.04', &
+      '           spacing = 0.004 /', &
+      '', &
+      '&material  conductivity = 45.0  density = 7800.0  heat_capacity = 470.0 /', &
+      '', &
+      '&initial   temperature = 293.15 /', &
+      '', &
+      '! 2 pi radians in a second, anticlockwise', &
+      '&motion    velocity_x_expression = ''-2*pi*y''', &
+      '           velocity_y_expression = ''2*pi*x'' /', &
+      '', &
+      '! The pad, 2 cm wide, brakes for 2 s; W/m3', &
+      '&source    power_expression = ''t < 2 ? 4e9 : 0''', &
+      '           where_expression = ''(x-0.08)^2 + y^2 < 0.01^2'' /', &
+      '', &
+      '&boundary  on = ''all''  kind = ''convection''  coefficient = 50.0  ambient = 293.15 /', &
+      '', &
+      '&time      end = 3.0  tolerance = 1.0e-4 /', &
+      '', &
+      '&output    file = ''@.vtkhdf''  every = 0.25 /' &
+      ]
+
   character(len=width), parameter :: melting(*) = [character(len=width) :: &
       '! A block of ice at -10 degrees melts from its left side, held at 30 degrees.', &
       '', &
@@ -240,6 +269,8 @@ contains
       lines = text_list(two_materials)
     case ('hot_spot')
       lines = text_list(hot_spot)
+    case ('rotating_disc')
+      lines = text_list(rotating_disc)
     case ('melting')
       lines = text_list(melting)
     case default

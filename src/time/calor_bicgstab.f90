@@ -1,4 +1,4 @@
-!> BiCGSTAB: a preconditioned iteration for unsymmetric linear systems.
+!> The method BiCGSTAB, a preconditioned iteration for unsymmetric linear systems.
 !>
 !> Source: H.A. van der Vorst, Bi-CGSTAB: a fast and smoothly converging variant of Bi-CG for the
 !> solution of nonsymmetric linear systems, SIAM J. Sci. Stat. Comput. 13 (1992) 631–644.

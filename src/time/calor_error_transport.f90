@@ -21,6 +21,7 @@ module calor_error_transport
   use calor_integrator, only: integrator_t
   use calor_kinds, only: wp
   use calor_rkl2, only: rkl2_t
+  use calor_saved_state, only: saved_state_t
   use calor_step_watcher, only: step_watcher_t
   use calor_stepper, only: stepper_t
   use calor_stopwatch, only: stopwatch_t
@@ -79,6 +80,9 @@ module calor_error_transport
     procedure :: longest_step
     !> Bring e up to the time of the solution
     procedure :: catch_up
+    !> Lay aside what the error's further way depends on, and take it up again
+    procedure :: save => save_transport
+    procedure :: restore => restore_transport
     !> Note that both discretisations have become other ones
     procedure :: renew
     !> Take a further source of error into account
@@ -96,7 +100,8 @@ contains
     !> The same with a higher order
     class(evolution_t), intent(in) :: reference
     !> Time, s, and state; its error is 0
-    real(wp), intent(in) :: time, u(:)
+    real(wp), intent(in) :: time
+    real(wp), intent(in), contiguous :: u(:)
     !> Spectral radius of F_p', 1/s, on the safe side
     real(wp), intent(in) :: spectral_radius
 
@@ -106,6 +111,8 @@ contains
     allocate (this%defect(size(u)), this%transport%start(size(u)), this%transport%slope(size(u)))
     this%time = time
     allocate (rkl2_t :: this%stepper%integrator)
+    ! A step of the solution is not over before its error has been brought up to it.
+    this%stepper%interruptible = .false.
     this%stepper%spectral_radius = spectral_radius
     this%stepper%longest_step = this%stepper%integrator%longest_stable_step(spectral_radius)
     call this%measure_defect(evolution, time, u, this%defect)
@@ -117,7 +124,8 @@ contains
   subroutine foresee_change(this, evolution, time, u, spectral_radius)
     class(error_transport_t), intent(inout) :: this
     class(evolution_t), intent(inout) :: evolution
-    real(wp), intent(in) :: time, u(:), spectral_radius
+    real(wp), intent(in) :: time, spectral_radius
+    real(wp), intent(in), contiguous :: u(:)
     real(wp), allocatable :: later(:), change(:)
     real(wp) :: part
 
@@ -145,7 +153,7 @@ contains
     class(evolution_t), intent(inout), target :: evolution
     class(integrator_t), intent(inout) :: integrator
     real(wp), intent(in) :: time, step
-    real(wp), intent(in) :: u(:)
+    real(wp), intent(in), contiguous :: u(:)
     type(error_t), allocatable, intent(out) :: error
 
     call this%stopwatch%start('error estimate')
@@ -160,7 +168,8 @@ contains
     !> What is integrated
     class(evolution_t), intent(inout), target :: evolution
     !> Time, s, and state of the solution
-    real(wp), intent(in) :: time, u(:)
+    real(wp), intent(in) :: time
+    real(wp), intent(in), contiguous :: u(:)
     !> The numbers went wrong
     type(error_t), allocatable, intent(out) :: error
     real(wp), allocatable :: change(:)
@@ -207,6 +216,48 @@ contains
     call this%stopwatch%stop()
   end subroutine catch_up
 
+  subroutine save_transport(this, state)
+    class(error_transport_t), intent(in) :: this
+    type(saved_state_t), intent(inout) :: state
+
+    call state%enter('estimate')
+    call state%put('time', this%time)
+    call state%put('error', this%error)
+    call state%put('defect', this%defect)
+    call state%put('step_errors', this%step_errors)
+    call state%put('interval', this%interval)
+    call state%put('first', this%first)
+    call state%put('evaluations', this%evaluations)
+    if (allocated(this%further_mean)) then
+      call state%put('further_mean', this%further_mean)
+      call state%put('further_slope', this%further_slope)
+      call state%put('further_middle', this%further_middle)
+    end if
+    call this%stepper%save(state)
+    call state%leave()
+  end subroutine save_transport
+
+  subroutine restore_transport(this, state)
+    class(error_transport_t), intent(inout) :: this
+    type(saved_state_t), intent(inout) :: state
+
+    call state%enter('estimate')
+    call state%get('time', this%time)
+    call state%get('error', this%error)
+    call state%get('defect', this%defect)
+    call state%get('step_errors', this%step_errors)
+    call state%get('interval', this%interval)
+    call state%get('first', this%first)
+    call state%get('evaluations', this%evaluations)
+    if (state%has('further_mean')) then
+      call state%get('further_mean', this%further_mean)
+      call state%get('further_slope', this%further_slope)
+      call state%get('further_middle', this%further_middle)
+    end if
+    call this%stepper%restore(state)
+    call state%leave()
+  end subroutine restore_transport
+
   !> To be called between intervals, when F or F_p is no longer what it was.
   subroutine renew(this, evolution, time, u, spectral_radius)
     class(error_transport_t), intent(inout) :: this
@@ -239,8 +290,9 @@ contains
   subroutine measure_defect(this, evolution, time, u, defect)
     class(error_transport_t), intent(inout) :: this
     class(evolution_t), intent(inout) :: evolution
-    real(wp), intent(in) :: time, u(:)
-    real(wp), intent(out) :: defect(:)
+    real(wp), intent(in) :: time
+    real(wp), intent(in), contiguous :: u(:)
+    real(wp), intent(out), contiguous :: defect(:)
     real(wp), allocatable :: rate(:)
     integer :: k
 
@@ -265,8 +317,8 @@ contains
   subroutine rate(this, time, u, du)
     class(linear_evolution_t), intent(inout) :: this
     real(wp), intent(in) :: time
-    real(wp), intent(in) :: u(:)
-    real(wp), intent(out) :: du(:)
+    real(wp), intent(in), contiguous :: u(:)
+    real(wp), intent(out), contiguous :: du(:)
     integer :: k
 
     call this%base%jacobian_product(u, du)
@@ -280,8 +332,8 @@ contains
 
   subroutine jacobian_product(this, v, product)
     class(linear_evolution_t), intent(inout) :: this
-    real(wp), intent(in) :: v(:)
-    real(wp), intent(out) :: product(:)
+    real(wp), intent(in), contiguous :: v(:)
+    real(wp), intent(out), contiguous :: product(:)
 
     call this%base%jacobian_product(v, product)
   end subroutine jacobian_product
@@ -290,7 +342,7 @@ contains
   subroutine impose(this, time, u)
     class(linear_evolution_t), intent(inout) :: this
     real(wp), intent(in) :: time
-    real(wp), intent(inout) :: u(:)
+    real(wp), intent(inout), contiguous :: u(:)
 
     associate (unused => time)
     end associate
@@ -299,7 +351,7 @@ contains
 
   subroutine clear_prescribed(this, v)
     class(linear_evolution_t), intent(in) :: this
-    real(wp), intent(inout) :: v(:)
+    real(wp), intent(inout), contiguous :: v(:)
 
     call this%base%clear_prescribed(v)
   end subroutine clear_prescribed
@@ -308,7 +360,7 @@ contains
   subroutine inspect(this, time, u, error)
     class(linear_evolution_t), intent(inout) :: this
     real(wp), intent(in) :: time
-    real(wp), intent(in) :: u(:)
+    real(wp), intent(in), contiguous :: u(:)
     type(error_t), allocatable, intent(out) :: error
 
     associate (unused => this, also => time, and => u)

@@ -69,9 +69,9 @@ module calor_evolution
       !> Time, s
       real(wp), intent(in) :: time
       !> State
-      real(wp), intent(in) :: u(:)
+      real(wp), intent(in), contiguous :: u(:)
       !> Its rate of change, 1/s
-      real(wp), intent(out) :: du(:)
+      real(wp), intent(out), contiguous :: du(:)
     end subroutine rate_interface
 
     subroutine jacobian_interface(this, v, product)
@@ -79,9 +79,9 @@ module calor_evolution
       implicit none (type, external)
       class(evolution_t), intent(inout) :: this
       !> A change of the state
-      real(wp), intent(in) :: v(:)
+      real(wp), intent(in), contiguous :: v(:)
       !> The change of the rate that it causes
-      real(wp), intent(out) :: product(:)
+      real(wp), intent(out), contiguous :: product(:)
     end subroutine jacobian_interface
 
     subroutine impose_interface(this, time, u)
@@ -91,7 +91,7 @@ module calor_evolution
       !> Time, s
       real(wp), intent(in) :: time
       !> State
-      real(wp), intent(inout) :: u(:)
+      real(wp), intent(inout), contiguous :: u(:)
     end subroutine impose_interface
 
     subroutine clear_interface(this, v)
@@ -99,7 +99,7 @@ module calor_evolution
       implicit none (type, external)
       class(evolution_t), intent(in) :: this
       !> Any vector of the size of u
-      real(wp), intent(inout) :: v(:)
+      real(wp), intent(inout), contiguous :: v(:)
     end subroutine clear_interface
 
     subroutine inspect_interface(this, time, u, error)
@@ -109,7 +109,7 @@ module calor_evolution
       !> Time, s
       real(wp), intent(in) :: time
       !> State
-      real(wp), intent(in) :: u(:)
+      real(wp), intent(in), contiguous :: u(:)
       !> What is wrong with it
       type(error_t), allocatable, intent(out) :: error
     end subroutine inspect_interface
@@ -173,7 +173,7 @@ contains
     !> Time, s
     real(wp), intent(in) :: time
     !> State
-    real(wp), intent(in) :: u(:)
+    real(wp), intent(in), contiguous :: u(:)
 
     associate (unused => this, also => time, and => u)
     end associate
@@ -257,7 +257,7 @@ contains
     !> Vectors of different seeds have nothing to do with each other
     integer, intent(in) :: seed
     !> A vector of the size of u
-    real(wp), intent(out) :: v(:)
+    real(wp), intent(out), contiguous :: v(:)
     integer :: k
 
     do k = 1, size(v)

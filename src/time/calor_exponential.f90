@@ -23,6 +23,7 @@ module calor_exponential
   use calor_evolution, only: evolution_t
   use calor_integrator, only: integrator_t
   use calor_kinds, only: wp, i8
+  use calor_saved_state, only: saved_state_t
   implicit none (type, external)
   private
 
@@ -75,6 +76,8 @@ module calor_exponential
     procedure :: wants_trial
     procedure :: advance
     procedure :: add_step_error
+    procedure :: save => save_exponential
+    procedure :: restore => restore_exponential
     procedure, private :: find_coefficients
     procedure, private :: sum_series
   end type exponential_t
@@ -241,8 +244,8 @@ contains
     class(evolution_t), intent(inout) :: evolution
     real(wp), intent(in) :: time, step
     real(wp), intent(in) :: spectral_radius
-    real(wp), intent(in) :: u(:)
-    real(wp), intent(out) :: u_next(:)
+    real(wp), intent(in), contiguous :: u(:)
+    real(wp), intent(out), contiguous :: u_next(:)
     real(wp), intent(out) :: local_error
     real(wp) :: accuracy, start_size
     integer :: n, k, trials
@@ -434,7 +437,7 @@ contains
   subroutine add_step_error(this, step, total)
     class(exponential_t), intent(in) :: this
     real(wp), intent(in) :: step
-    real(wp), intent(inout) :: total(:)
+    real(wp), intent(inout), contiguous :: total(:)
     integer :: k
 
     associate (unused => step)
@@ -445,5 +448,39 @@ contains
     end do
     !$omp end parallel do
   end subroutine add_step_error
+
+  subroutine save_exponential(this, state)
+    class(exponential_t), intent(in) :: this
+    type(saved_state_t), intent(inout) :: state
+
+    call state%put('evaluations', this%evaluations)
+    call state%put('roundness', this%roundness)
+    call state%put('made_for', this%made_for)
+    call state%put('longest', this%longest)
+    call state%put('tried', this%tried)
+    if (.not. allocated(this%coefficient)) return
+    call state%put('coefficient', this%coefficient)
+    call state%put('left', this%left)
+  end subroutine save_exponential
+
+  subroutine restore_exponential(this, state)
+    class(exponential_t), intent(inout) :: this
+    type(saved_state_t), intent(inout) :: state
+    real(wp), allocatable :: numbers(:)
+
+    call state%get('evaluations', this%evaluations)
+    call state%get('roundness', this%roundness)
+    call state%get('made_for', numbers)
+    if (allocated(numbers)) this%made_for = numbers
+    call state%get('longest', this%longest)
+    call state%get('tried', this%tried)
+    if (.not. state%has('coefficient')) return
+    if (allocated(this%coefficient)) deallocate (this%coefficient, this%left)
+    call state%get('coefficient', numbers)
+    allocate (this%coefficient(0:size(numbers) - 1), this%left(0:size(numbers) - 1))
+    this%coefficient(:) = numbers
+    call state%get('left', numbers)
+    if (size(numbers) == size(this%left)) this%left(:) = numbers
+  end subroutine restore_exponential
 
 end module calor_exponential

@@ -4,6 +4,7 @@ module calor_forward_euler
   use calor_evolution, only: evolution_t
   use calor_integrator, only: integrator_t
   use calor_kinds, only: wp
+  use calor_saved_state, only: saved_state_t
   implicit none (type, external)
   private
 
@@ -22,6 +23,8 @@ module calor_forward_euler
     procedure :: accept
     procedure :: add_step_error
     procedure :: restart
+    procedure :: save => save_euler
+    procedure :: restore => restore_euler
   end type forward_euler_t
 
 contains
@@ -66,8 +69,8 @@ contains
     class(evolution_t), intent(inout) :: evolution
     real(wp), intent(in) :: time, step
     real(wp), intent(in) :: spectral_radius
-    real(wp), intent(in) :: u(:)
-    real(wp), intent(out) :: u_next(:)
+    real(wp), intent(in), contiguous :: u(:)
+    real(wp), intent(out), contiguous :: u_next(:)
     real(wp), intent(out) :: local_error
     integer :: k
 
@@ -97,7 +100,7 @@ contains
   subroutine add_step_error(this, step, total)
     class(forward_euler_t), intent(in) :: this
     real(wp), intent(in) :: step
-    real(wp), intent(inout) :: total(:)
+    real(wp), intent(inout), contiguous :: total(:)
     integer :: k
 
     if (.not. allocated(this%before)) return
@@ -114,5 +117,24 @@ contains
     if (allocated(this%before)) deallocate (this%before)
     if (allocated(this%last)) deallocate (this%last)
   end subroutine restart
+
+  subroutine save_euler(this, state)
+    class(forward_euler_t), intent(in) :: this
+    type(saved_state_t), intent(inout) :: state
+
+    call state%put('evaluations', this%evaluations)
+    if (allocated(this%last)) call state%put('last', this%last)
+    if (allocated(this%before)) call state%put('before', this%before)
+  end subroutine save_euler
+
+  subroutine restore_euler(this, state)
+    class(forward_euler_t), intent(inout) :: this
+    type(saved_state_t), intent(inout) :: state
+
+    call state%get('evaluations', this%evaluations)
+    call this%restart()
+    if (state%has('last')) call state%get('last', this%last)
+    if (state%has('before')) call state%get('before', this%before)
+  end subroutine restore_euler
 
 end module calor_forward_euler

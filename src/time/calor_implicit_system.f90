@@ -23,6 +23,8 @@ module calor_implicit_system
   type :: implicit_system_t
     !> Whether the iteration is to be used even where factors would fit
     logical :: iterative = .false.
+    !> Factors may take so many bytes, and never more than half of the memory that is to spare
+    real(wp) :: most_bytes = huge(1.0_wp)
     !> How often factors were found, and iterations of BiCGSTAB so far
     integer :: factorisations = 0, iterations = 0
     !> J, and 1 - s J
@@ -39,6 +41,8 @@ module calor_implicit_system
     procedure :: is_loaded
     !> Make ready for a value of s
     procedure :: set_shift
+    !> The value it is ready for; negative: for none
+    procedure :: present_shift
     !> Make ready for -J alone
     procedure :: set_steady
     !> Solve
@@ -53,7 +57,7 @@ contains
     class(implicit_system_t), intent(inout) :: this
     !> J by rows; rows of prescribed entries are empty
     integer, intent(in) :: first(:), index(:)
-    real(wp), intent(in) :: value(:)
+    real(wp), intent(in), contiguous :: value(:)
 
     type(sparse_matrix_t) :: jacobian
 
@@ -72,6 +76,13 @@ contains
 
     answer = this%jacobian%rows() > 0
   end function is_loaded
+
+  pure function present_shift(this) result(shift)
+    class(implicit_system_t), intent(in) :: this
+    real(wp) :: shift
+
+    shift = this%shift
+  end function present_shift
 
   subroutine set_shift(this, shift, done)
     class(implicit_system_t), intent(inout) :: this
@@ -134,7 +145,8 @@ contains
 
     call this%direct%analyse(this%matrix, dominant, done)
     this%analysed = .true.
-    this%iterative = .not. done .or. this%direct%bytes > 0.5_wp*real(available_memory(), wp)
+    this%iterative = .not. done .or. this%direct%bytes > &
+                     min(this%most_bytes, 0.5_wp*real(available_memory(), wp))
     if (this%iterative) call this%direct%release()
   end subroutine analyse
 

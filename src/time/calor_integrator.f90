@@ -2,6 +2,7 @@
 module calor_integrator
   use calor_evolution, only: evolution_t
   use calor_kinds, only: wp
+  use calor_saved_state, only: saved_state_t
   implicit none (type, external)
   private
 
@@ -40,6 +41,9 @@ module calor_integrator
     procedure :: add_step_error
     !> Forget what was carried over from the last step: F is another one now
     procedure :: restart
+    !> Lay aside what is carried over, and take it up again
+    procedure :: save => save_integrator
+    procedure :: restore => restore_integrator
   end type integrator_t
 
   abstract interface
@@ -78,9 +82,9 @@ module calor_integrator
       !> Spectral radius of the Jacobian, 1/s
       real(wp), intent(in) :: spectral_radius
       !> State at `time`
-      real(wp), intent(in) :: u(:)
+      real(wp), intent(in), contiguous :: u(:)
       !> State at `time + step`
-      real(wp), intent(out) :: u_next(:)
+      real(wp), intent(out), contiguous :: u_next(:)
       !> Root mean square of the step's estimated error; 0 if the method estimates none
       real(wp), intent(out) :: local_error
     end subroutine advance_interface
@@ -153,7 +157,7 @@ contains
     !> The length of the step, s
     real(wp), intent(in) :: step
     !> What the error is added to
-    real(wp), intent(inout) :: total(:)
+    real(wp), intent(inout), contiguous :: total(:)
 
     ! A method that estimates no error adds nothing.
     associate (unused => this, also => step, and => total)
@@ -166,5 +170,20 @@ contains
     associate (unused => this)
     end associate
   end subroutine restart
+
+  !> A method that carries something over saves it besides.
+  subroutine save_integrator(this, state)
+    class(integrator_t), intent(in) :: this
+    type(saved_state_t), intent(inout) :: state
+
+    call state%put('evaluations', this%evaluations)
+  end subroutine save_integrator
+
+  subroutine restore_integrator(this, state)
+    class(integrator_t), intent(inout) :: this
+    type(saved_state_t), intent(inout) :: state
+
+    call state%get('evaluations', this%evaluations)
+  end subroutine restore_integrator
 
 end module calor_integrator

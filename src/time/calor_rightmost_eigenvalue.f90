@@ -125,7 +125,7 @@ contains
   subroutine find_place(evolution, free, rightmost)
     class(evolution_t), intent(inout) :: evolution
     !> 1 at entries that are not prescribed, else 0
-    real(wp), intent(in) :: free(:)
+    real(wp), intent(in), contiguous :: free(:)
     type(rightmost_t), intent(inout) :: rightmost
     integer, parameter :: most_products = 3000
     real(wp) :: vector(size(free)), product(size(free)), shift, rate
@@ -259,8 +259,8 @@ contains
     class(evolution_t), intent(inout) :: evolution
     integer, intent(in) :: degree
     real(wp), intent(in) :: centre, focus
-    real(wp), intent(in) :: v(:)
-    real(wp), intent(out) :: product(:)
+    real(wp), intent(in), contiguous :: v(:)
+    real(wp), intent(out), contiguous :: product(:)
     real(wp), allocatable :: term(:, :), work(:)
     real(wp) :: factor
     integer :: j, k, earlier, later
@@ -290,7 +290,7 @@ contains
     class(evolution_t), intent(inout) :: evolution
     integer, intent(in) :: degree
     real(wp), intent(in) :: centre, focus
-    real(wp), intent(out) :: vector(:)
+    real(wp), intent(out), contiguous :: vector(:)
     real(wp), allocatable :: product(:)
     integer :: k
 
@@ -307,7 +307,7 @@ contains
   subroutine judge(evolution, dr, di, vectors, rightmost, highest)
     class(evolution_t), intent(inout) :: evolution
     !> The polynomial's eigenvalues, those of a pair one after another; 0 where there is none
-    real(wp), intent(in) :: dr(:), di(:)
+    real(wp), intent(in), contiguous :: dr(:), di(:)
     !> Its eigenvectors: of a pair first the real and then the imaginary part
     real(wp), intent(in) :: vectors(:, :)
     type(rightmost_t), intent(inout) :: rightmost

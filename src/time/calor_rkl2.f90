@@ -1,4 +1,4 @@
-!> RKL2: the stabilised explicit Runge–Kutta–Legendre method of second order for diffusion.
+!> The method RKL2, stabilised, explicit, Runge–Kutta–Legendre, of second order, for diffusion.
 !>
 !> With s stages it is stable for |λ| Δt ≤ (s² + s - 2)/2, so its reach grows with the square of the
 !> work: it takes as many stages as a step needs.
@@ -16,6 +16,7 @@ module calor_rkl2
   use calor_huge_pages, only: prefer_huge_pages
   use calor_integrator, only: integrator_t
   use calor_kinds, only: wp
+  use calor_saved_state, only: saved_state_t
   implicit none (type, external)
   private
 
@@ -44,6 +45,8 @@ module calor_rkl2
     procedure :: accept
     procedure :: add_step_error
     procedure :: restart
+    procedure :: save => save_rkl2
+    procedure :: restore => restore_rkl2
   end type rkl2_t
 
   !> Beyond some hundred stages rounding errors inside a step grow
@@ -198,21 +201,13 @@ contains
     class(evolution_t), intent(inout) :: evolution
     real(wp), intent(in) :: time, step
     real(wp), intent(in) :: spectral_radius
-    real(wp), intent(in) :: u(:)
-    real(wp), intent(out) :: u_next(:)
+    real(wp), intent(in), contiguous :: u(:)
+    real(wp), intent(out), contiguous :: u_next(:)
     real(wp), intent(out) :: local_error
     real(wp) :: w1, third, place
     integer :: stages, j, k, older, newer
 
-    if (.not. allocated(this%stage)) then
-      allocate (this%rate_start(size(u)), this%rate_end(size(u)), this%rate_stage(size(u)))
-      allocate (this%stage(size(u), 2))
-      call prefer_huge_pages(this%rate_start)
-      call prefer_huge_pages(this%rate_end)
-      call prefer_huge_pages(this%rate_stage)
-      call prefer_huge_pages(this%stage(:, 1))
-      call prefer_huge_pages(this%stage(:, 2))
-    end if
+    call make_room(this, size(u))
     if (.not. this%started) then
       call evolution%rate(time, u, this%rate_start)
       this%evaluations = this%evaluations + 1
@@ -263,6 +258,21 @@ contains
     local_error = this%error_factor*evolution%root_mean_square(this%rate_stage)
   end subroutine advance
 
+  !> Arrays for so many unknowns, where there are none yet
+  subroutine make_room(this, unknowns)
+    class(rkl2_t), intent(inout) :: this
+    integer, intent(in) :: unknowns
+
+    if (allocated(this%stage)) return
+    if (.not. allocated(this%rate_start)) allocate (this%rate_start(unknowns))
+    allocate (this%rate_end(unknowns), this%rate_stage(unknowns), this%stage(unknowns, 2))
+    call prefer_huge_pages(this%rate_start)
+    call prefer_huge_pages(this%rate_end)
+    call prefer_huge_pages(this%rate_stage)
+    call prefer_huge_pages(this%stage(:, 1))
+    call prefer_huge_pages(this%stage(:, 2))
+  end subroutine make_room
+
   subroutine accept(this)
     class(rkl2_t), intent(inout) :: this
     real(wp), allocatable :: spare(:)
@@ -275,7 +285,7 @@ contains
   subroutine add_step_error(this, step, total)
     class(rkl2_t), intent(in) :: this
     real(wp), intent(in) :: step
-    real(wp), intent(inout) :: total(:)
+    real(wp), intent(inout), contiguous :: total(:)
     integer :: k
 
     associate (unused => step)
@@ -311,5 +321,29 @@ contains
     n = real(stages, wp)*(stages + 1)
     c = (n - 6)/(9*(n - 2))
   end function third_coefficient
+
+  subroutine save_rkl2(this, state)
+    class(rkl2_t), intent(in) :: this
+    type(saved_state_t), intent(inout) :: state
+
+    call state%put('evaluations', this%evaluations)
+    call state%put('started', this%started)
+    call state%put('proven_stages', this%proven_stages)
+    call state%put('exhausted', this%exhausted)
+    if (this%started) call state%put('rate_start', this%rate_start)
+  end subroutine save_rkl2
+
+  subroutine restore_rkl2(this, state)
+    class(rkl2_t), intent(inout) :: this
+    type(saved_state_t), intent(inout) :: state
+
+    call state%get('evaluations', this%evaluations)
+    call state%get('started', this%started)
+    call state%get('proven_stages', this%proven_stages)
+    call state%get('exhausted', this%exhausted)
+    if (.not. this%started) return
+    call state%get('rate_start', this%rate_start)
+    call make_room(this, size(this%rate_start))
+  end subroutine restore_rkl2
 
 end module calor_rkl2

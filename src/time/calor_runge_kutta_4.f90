@@ -67,8 +67,8 @@ contains
     class(evolution_t), intent(inout) :: evolution
     real(wp), intent(in) :: time, step
     real(wp), intent(in) :: spectral_radius
-    real(wp), intent(in) :: u(:)
-    real(wp), intent(out) :: u_next(:)
+    real(wp), intent(in), contiguous :: u(:)
+    real(wp), intent(out), contiguous :: u_next(:)
     real(wp), intent(out) :: local_error
     real(wp), parameter :: node(4) = [0.0_wp, 0.5_wp, 0.5_wp, 1.0_wp]
     real(wp), parameter :: share(4) = [1.0_wp, 2.0_wp, 2.0_wp, 1.0_wp]/6.0_wp

@@ -47,7 +47,7 @@ contains
     integer, intent(in) :: first(:)
     !> Columns, from 1, and entries
     integer, intent(in) :: index(:)
-    real(wp), intent(in) :: value(:)
+    real(wp), intent(in), contiguous :: value(:)
     integer(i8) :: used, begin
     integer :: row, k, n
 

@@ -1,4 +1,5 @@
-!> Whoever wants to hear of each step of a run, to show progress: it changes nothing.
+!> Whoever wants to hear of each step of a run, to show progress or to lay the state aside: it
+!> changes nothing, but may have the integration pause.
 module calor_step_listener
   use calor_kinds, only: wp
   implicit none (type, external)
@@ -15,7 +16,7 @@ module calor_step_listener
 contains
 
   !> Does nothing unless it is overridden.
-  subroutine at_step(this, time, steps, accumulated_error)
+  subroutine at_step(this, time, steps, accumulated_error, pause)
     class(step_listener_t), intent(inout) :: this
     !> The new time, s
     real(wp), intent(in) :: time
@@ -23,8 +24,11 @@ contains
     integer, intent(in) :: steps
     !> Sum of the estimated errors of the steps; 0 without error control
     real(wp), intent(in) :: accumulated_error
+    !> Set to have the integration return to its caller after this step; it can be continued
+    logical, intent(inout) :: pause
 
-    associate (unused => [real(wp) :: time, real(steps, wp), accumulated_error], too => this)
+    associate (unused => [real(wp) :: time, real(steps, wp), accumulated_error], too => this, &
+               also => pause)
     end associate
   end subroutine at_step
 

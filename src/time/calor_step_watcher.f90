@@ -29,7 +29,7 @@ module calor_step_watcher
       !> The new time and how long ago the step began, s
       real(wp), intent(in) :: time, step
       !> The new state
-      real(wp), intent(in) :: u(:)
+      real(wp), intent(in), contiguous :: u(:)
       !> The integration shall end here
       type(error_t), allocatable, intent(out) :: error
     end subroutine stepped_interface

@@ -1,5 +1,5 @@
-!> TR-BDF2: an implicit method of second order that is L-stable: any step is stable, and what decays
-!> faster than the step is gone after it.
+!> The method TR-BDF2, implicit, of second order and L-stable: any step is stable, and what
+!> decays faster than the step is gone after it.
 !>
 !> A step goes to t + γ Δt by the trapezoidal rule and from there to its end by the second backward
 !> differentiation formula; with γ = 2 - √2 both stages have one matrix, 1 - d Δt J, d = γ/2:
@@ -19,6 +19,7 @@ module calor_tr_bdf2
   use calor_implicit_system, only: implicit_system_t
   use calor_integrator, only: integrator_t
   use calor_kinds, only: wp
+  use calor_saved_state, only: saved_state_t
   use calor_sums, only: root_mean_square
   use calor_text, only: to_text
   implicit none (type, external)
@@ -53,6 +54,11 @@ module calor_tr_bdf2
     real(wp), allocatable, private :: residual(:), correction(:)
     !> Whether rate_start belongs to the state that the next step starts from
     logical, private :: started = .false.
+    !> Where the Jacobian was found: the time, s, and the state, where it depends on that
+    real(wp), private :: jacobian_time = 0.0_wp
+    real(wp), allocatable, private :: jacobian_state(:)
+    !> Jacobian and factors for this d Δt are to be found again, for a state taken up; negative: no
+    real(wp), private :: restored_shift = -1.0_wp
   contains
     procedure :: longest_stable_step
     procedure :: estimates_error
@@ -62,6 +68,8 @@ module calor_tr_bdf2
     procedure :: accept
     procedure :: add_step_error
     procedure :: restart
+    procedure :: save => save_tr_bdf2
+    procedure :: restore => restore_tr_bdf2
     procedure, private :: find_jacobian
     procedure, private :: solve_stage
   end type tr_bdf2_t
@@ -116,8 +124,8 @@ contains
     class(evolution_t), intent(inout) :: evolution
     real(wp), intent(in) :: time, step
     real(wp), intent(in) :: spectral_radius
-    real(wp), intent(in) :: u(:)
-    real(wp), intent(out) :: u_next(:)
+    real(wp), intent(in), contiguous :: u(:)
+    real(wp), intent(out), contiguous :: u_next(:)
     real(wp), intent(out) :: local_error
     real(wp) :: accuracy
     integer :: k, n
@@ -127,7 +135,8 @@ contains
     end associate
     n = size(u)
     if (.not. allocated(this%stage)) then
-      allocate (this%rate_start(n), this%rate_stage(n), this%rate_end(n), this%stage(n), &
+      if (.not. allocated(this%rate_start)) allocate (this%rate_start(n))
+      allocate (this%rate_stage(n), this%rate_end(n), this%stage(n), &
                 this%base(n), this%estimate(n), this%residual(n), this%correction(n))
     end if
     if (allocated(this%failure)) deallocate (this%failure)
@@ -139,10 +148,17 @@ contains
       this%started = .true.
     end if
     if (.not. this%system%is_loaded()) then
-      call this%find_jacobian(evolution, time, u)
+      if (this%restored_shift >= 0 .and. allocated(this%jacobian_state)) then
+        call this%find_jacobian(evolution, this%jacobian_time, (this%jacobian_state))
+      else
+        call this%find_jacobian(evolution, time, u)
+      end if
       if (allocated(this%failure)) return
     end if
-    call this%system%set_shift(own*step, done)
+    done = .true.
+    if (this%restored_shift >= 0) call this%system%set_shift(this%restored_shift, done)
+    this%restored_shift = -1
+    if (done) call this%system%set_shift(own*step, done)
     if (.not. done) then
       this%failure = 'the matrix of a step of '//to_text(step, digits=3)//' s is singular'
       return
@@ -256,7 +272,7 @@ contains
     class(tr_bdf2_t), intent(inout) :: this
     class(evolution_t), intent(inout) :: evolution
     real(wp), intent(in) :: time
-    real(wp), intent(in) :: u(:)
+    real(wp), intent(in), contiguous :: u(:)
     integer, allocatable :: first(:), index(:)
     real(wp), allocatable :: value(:)
     logical :: known
@@ -268,6 +284,8 @@ contains
       return
     end if
     call this%system%load(first, index, value)
+    this%jacobian_time = time
+    if (.not. evolution%is_linear()) this%jacobian_state = u
   end subroutine find_jacobian
 
   subroutine accept(this)
@@ -282,7 +300,7 @@ contains
   subroutine add_step_error(this, step, total)
     class(tr_bdf2_t), intent(in) :: this
     real(wp), intent(in) :: step
-    real(wp), intent(inout) :: total(:)
+    real(wp), intent(inout), contiguous :: total(:)
     integer :: k
 
     associate (unused => step)
@@ -299,5 +317,33 @@ contains
 
     this%started = .false.
   end subroutine restart
+
+  subroutine save_tr_bdf2(this, state)
+    class(tr_bdf2_t), intent(in) :: this
+    type(saved_state_t), intent(inout) :: state
+
+    call state%put('evaluations', this%evaluations)
+    call state%put('iterative', this%system%iterative)
+    call state%put('started', this%started)
+    if (this%started) call state%put('rate_start', this%rate_start)
+    if (.not. this%system%is_loaded()) return
+    call state%put('jacobian_time', this%jacobian_time)
+    call state%put('shift', this%system%present_shift())
+    if (allocated(this%jacobian_state)) call state%put('jacobian_state', this%jacobian_state)
+  end subroutine save_tr_bdf2
+
+  subroutine restore_tr_bdf2(this, state)
+    class(tr_bdf2_t), intent(inout) :: this
+    type(saved_state_t), intent(inout) :: state
+
+    call state%get('evaluations', this%evaluations)
+    call state%get('iterative', this%system%iterative)
+    call state%get('started', this%started)
+    if (this%started) call state%get('rate_start', this%rate_start)
+    if (.not. state%has('shift')) return
+    call state%get('jacobian_time', this%jacobian_time)
+    call state%get('shift', this%restored_shift)
+    if (state%has('jacobian_state')) call state%get('jacobian_state', this%jacobian_state)
+  end subroutine restore_tr_bdf2
 
 end module calor_tr_bdf2

@@ -137,7 +137,7 @@ contains
     integer, intent(in) :: first(:)
     !> Columns, from 1, and entries
     integer, intent(in) :: index(:)
-    real(wp), intent(in) :: value(:)
+    real(wp), intent(in), contiguous :: value(:)
     !> Whether that has worked: the matrix is not singular and there was memory enough
     logical, intent(out) :: done
     type(sparse_matrix_t) :: matrix
@@ -181,7 +181,7 @@ contains
   subroutine refactorise(this, value, done)
     class(factorisation_t), intent(inout) :: this
     !> Values of the matrix analysed, in its order
-    real(wp), intent(in) :: value(:)
+    real(wp), intent(in), contiguous :: value(:)
     !> Whether that has worked: the matrix is not singular and there was memory enough
     logical, intent(out) :: done
     real(c_double) :: info(infos)
