@@ -191,8 +191,8 @@ contains
     end select
   end subroutine check_file
 
-  !> The line of a CSV file that names the columns, with what stands before it, and of the lines after
-  !> that the share of a slice: those that begin in its share of the bytes.
+  !> The line of a CSV file that names the columns, with what stands before it, and of the lines
+  !> after that the share of a slice: those that begin in its share of the bytes.
   subroutine read_lines(path, slice, content, start, error)
     character(len=*), intent(in) :: path
     type(slice_t), intent(in) :: slice
