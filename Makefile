@@ -28,6 +28,9 @@ SEED     ?= 1
 LIMIT    ?= inf
 BIN      ?= bin
 EXAMPLES ?= build/examples
+# What is checked and indented.
+SOURCES = $(wildcard src app test example example-project/app distributed/src distributed/app \
+  distributed/test)
 DOCUMENTS = README.md CHANGELOG.md $(wildcard docs/*.md)
 
 # Libraries that a program does not call are not tied to it.
@@ -109,14 +112,14 @@ kill-runs: build ## kill runs 200 times, resume them, compare what they leave (m
 
 lint: ## check the sources (fortitude's rules, the format), the documents' spelling and links
 	@tools/set_up.sh lint
-	@.venv/bin/fortitude check --quiet $(wildcard src app test example distributed/src distributed/app distributed/test)
-	@tools/format.sh --check $(wildcard src app test example distributed/src distributed/app distributed/test)
+	@.venv/bin/fortitude check --quiet $(SOURCES)
+	@tools/format.sh --check $(SOURCES)
 	@.venv/bin/codespell --ignore-words tools/words.txt $(DOCUMENTS)
 	@tools/check_links.py $(DOCUMENTS)
 
 format: ## indent the sources as `make lint` wants them
 	@tools/set_up.sh lint
-	@tools/format.sh $(wildcard src app test example distributed/src distributed/app distributed/test)
+	@tools/format.sh $(SOURCES)
 
 pictures: examples ## draw the pictures of the documentation anew
 	@tools/pictures.sh $(EXAMPLES) docs/pictures

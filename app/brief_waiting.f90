@@ -29,7 +29,7 @@ module brief_waiting
       integer(c_int) :: status
     end function setenv
 
-    ! allow(assumed-size)
+    ! allow(assumed-size, assumed-size-character-intent)
     function readlink(path, buffer, length) bind(c, name='readlink') result(used)
       import :: c_char, c_size_t
       implicit none (type, external)

@@ -95,16 +95,16 @@ contains
     end associate
   end subroutine reached
 
-  subroutine at_step(this, time, steps, accumulated_error, pause)
+  subroutine at_step(this, time, steps, accumulated_error, rest)
     use, intrinsic :: iso_c_binding, only: c_int
     class(interrupter_t), intent(inout) :: this
     real(wp), intent(in) :: time
     integer, intent(in) :: steps
     real(wp), intent(in) :: accumulated_error
-    logical, intent(inout) :: pause
+    logical, intent(inout) :: rest
     integer(c_int) :: status
 
-    associate (unused => [time, accumulated_error], also => pause)
+    associate (unused => [time, accumulated_error], also => rest)
     end associate
     if (steps < this%at .or. this%done) return
     this%done = .true.
@@ -366,7 +366,8 @@ contains
 
     call expect_same(error, disc//spot//'&boundary value_expression = ''0.1*sin(3*t)*x'' /'//lf// &
                      '&motion velocity_x_expression = ''-3*y'' '// &
-                     'velocity_y_expression = ''3*x'' /'//lf//'&time end = 0.3 /'//lf, 'every = 0.12', [1, 6, 13])
+                     'velocity_y_expression = ''3*x'' /'//lf//'&time end = 0.3 /'//lf, &
+                     'every = 0.12', [1, 6, 13])
   end subroutine test_turning
 
   subroutine test_flow(error)
@@ -517,7 +518,7 @@ contains
 
     call start_over()
     call write_text(folder//'s.nml', square//warm//held// &
-                    '&time end = 1e9 method = ''forward_euler'' /'//lf// &
+                    '&time end = 1e6 method = ''forward_euler'' /'//lf// &
                     '&output file = ''o.vtkhdf'' /'//lf)
     ! By the time that it takes a signal, the file has been begun.
     call run_command('cd '//folder//'; '//program_path()//' run --quiet s.nml & '// &

@@ -833,7 +833,8 @@ contains
     do k = 1, size(methods)
       call interpret_scene( &
         '&domain x_range = 0, 1 y_range = 0, 1 spacing = 0.0833333333333 arrangement = '// &
-        '''jittered'' jitter = 0.2 / &boundary kind = ''insulated'' / &initial temperature = 1 / '// &
+        '''jittered'' jitter = 0.2 / &boundary kind = ''insulated'' / '// &
+        '&initial temperature = 1 / '// &
         '&source power = 12 where_expression = ''x < 0.5'' / '// &
         '&time end = 0.3 tolerance = 1e-10 method = '''//trim(methods(k))//''' /', scene, failure)
       if (.not. allocated(failure)) call simulation%prepare(scene, failure)
@@ -846,7 +847,8 @@ contains
       call simulation%run(failure)
       call check(error, .not. allocated(failure))
       if (allocated(error)) return
-      call simulation%budget%evaluate(simulation%conduction, duration, simulation%temperature, after)
+      call simulation%budget%evaluate(simulation%conduction, duration, simulation%temperature, &
+                                      after)
       ! The series of the exponential ends at a part of the tolerance; and rounding of some thousand
       ! operations in each step
       call check(error, after%stored - before%stored, sum(before%power)*duration, &
@@ -874,13 +876,14 @@ contains
     call check(error, steps_ahead(problem, pilot), 112.0_wp, thr=1.0e-9_wp)
     if (allocated(error)) return
     call prepare_scene('laplacian = ''fatehi_manzari''', 'end = 2 method = ''rkl2''', simulation, &
-                       error, '&boundary on = ''left'' kind = ''temperature'' value_expression = '// &
-                       '''sin(20*t)'' /')
+                       error, '&boundary on = ''left'' kind = ''temperature'' '// &
+                       'value_expression = ''sin(20*t)'' /')
     if (allocated(error)) return
     problem%spectral_radius = simulation%stepper%spectral_radius
     problem%duration = 2
     problem%changing = .true.
-    call run_pilot(problem, simulation%conduction, simulation%stepper, simulation%temperature, pilot)
+    call run_pilot(problem, simulation%conduction, simulation%stepper, simulation%temperature, &
+                   pilot)
     foreseen = steps_ahead(problem, pilot)
     call simulation%run(failure)
     taken = simulation%stepper%steps

@@ -328,8 +328,8 @@ contains
     do row = 1, operator%rows()
       associate (from => operator%first(row), to => operator%first(row + 1) - 1, &
                  i => operator%target(row))
-        bound(i) = epsilon(1.0_sp)/2*sum(abs(operator%weight(from:to)*(u(operator%index(from:to)) - &
-                                                                         u(i))))
+        bound(i) = epsilon(1.0_sp)/2* &
+                   sum(abs(operator%weight(from:to)*(u(operator%index(from:to)) - u(i))))
       end associate
     end do
     call double%lay_out(operator, 101)
@@ -367,7 +367,8 @@ contains
 
     call run_scene('&scheme laplacian = "consistent" order = 4 / ', double, error)
     if (allocated(error)) return
-    call run_scene('&scheme laplacian = "consistent" order = 4 single_weights = T / ', single, error)
+    call run_scene('&scheme laplacian = "consistent" order = 4 single_weights = T / ', single, &
+                   error)
     if (allocated(error)) return
     deviation = maxval(abs(single%temperature - double%temperature))
     call check(error, deviation > 0 .and. deviation < epsilon(1.0_sp))

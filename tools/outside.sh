@@ -3,7 +3,7 @@
 #
 #   - fpm install, called by hand, puts a calor in place that needs nothing of this folder,
 #   - make install adds the manual page and the completion, and both are found from there,
-#   - test/outside, a project of its own, builds calor as a dependency and gets right numbers.
+#   - example-project, a project of its own, builds calor as a dependency and gets right numbers.
 #
 # FLAGS and LINK_FLAGS are those of the program's own build, which fpm install then uses again.
 
@@ -49,7 +49,7 @@ completed=$(bash -c "PATH='$scratch/make/bin':\$PATH
   echo \"\${COMPREPLY[*]}\"")
 [[ $completed == rotating_disc ]] || fail "bash completes 'calor new rot' to '$completed'"
 
-cd test/outside
+cd example-project
 said=$("$fpm" run --flag '-O1' -- "$root/data/plate.nml" 2>"$scratch/log") ||
   { tail -n 20 "$scratch/log" >&2; fail 'the outside project does not build or run'; }
 # exp(-π²/10) = 0.3727 and -2π² = -19.74, with the error of 40 spacings a side

@@ -267,9 +267,11 @@ contains
     done = 0
     open (newunit=unit, file=path, access='stream', form='unformatted', status='old', &
           action='read', iostat=status)
-    do while (done < bytes .and. status == 0)
+    if (status /= 0) return
+    do while (done < bytes)
       associate (part => min(len(block, i8), bytes - done))
         read (unit, pos=done + 1, iostat=status) block(:part)
+        if (status /= 0) exit
         do k = 1, part
           if (block(k:k) == line_feed) lines = lines + 1
         end do

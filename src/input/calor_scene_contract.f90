@@ -111,8 +111,8 @@ module calor_scene_contract
       key_rule_t('scheme', 'allow_inexact_rows', yes_no, now, '.false.', 'run with stable rows'// &
                  ' that are not exact'), &
       key_rule_t('scheme', 'allow_unstable', yes_no, now, '.false.', 'run an unstable scheme'), &
-      key_rule_t('scheme', 'single_weights', yes_no, now, '.false.', 'steps with 32-bit weights: '// &
-                 'large clouds faster, errors below 1e-7 lost'), &
+      key_rule_t('scheme', 'single_weights', yes_no, now, '.false.', &
+                 'steps with 32-bit weights: large clouds faster, errors below 1e-7 lost'), &
       key_rule_t('material', 'conductivity', number, now, '1', 'conductivity, W/(m K)'), &
       key_rule_t('material', 'conductivity_expression', expression, now, '', 'the same'), &
       key_rule_t('material', 'conductivity_xx', number, now, '', 'where it is a tensor'), &

@@ -110,6 +110,7 @@ contains
     !> Why that failed, or ''
     character(len=:), allocatable, intent(out) :: reason
     character(len=200) :: message
+    integer(i8) :: written
     integer :: unit, status
 
     reason = ''
@@ -122,14 +123,18 @@ contains
     end if
     write (unit, iostat=status, iomsg=message) bytes
     if (status == 0) flush (unit, iostat=status, iomsg=message)
-    if (status /= 0) then
+    if (status == 0) then
+      call synchronise(unit, reason)
+    else
       reason = short(message)
-      close (unit, iostat=status)
-      return
     end if
-    call synchronise(unit, reason)
     close (unit, iostat=status, iomsg=message)
     if (status /= 0 .and. reason == '') reason = short(message)
+    ! The compiler's library does not tell of every write that failed.
+    inquire (file=path, size=written)
+    if (reason == '' .and. written /= size(bytes, kind=i8)) then
+      reason = 'no room is left on the disk, or files may not grow so large'
+    end if
   end subroutine write_whole
 
   !> The system's words at the end of the compiler's
@@ -459,8 +464,11 @@ contains
     call h5dget_type_f(dataset, data_type, status)
     if (status >= 0) call h5tget_class_f(data_type, kind_of_data, status)
     if (status >= 0) call h5dget_space_f(dataset, space, status)
-    if (status >= 0) call h5sget_simple_extent_npoints_f(space, entries, status)
     if (status < 0) return
+    ! Of a list without entries this says that it failed.
+    entries = 0
+    call h5sget_simple_extent_npoints_f(space, entries, ignored)
+    if (ignored < 0) entries = 0
     if (kind_of_data == h5t_float_f) then
       call read_reals()
     else if (kind_of_data == h5t_integer_f) then

@@ -4,7 +4,8 @@
 !> middle of that leaves a file that may not open. So a step is added to the copy beside first; then
 !> the two copies change names, which the system does at once; and the step is added to the other
 !> one. What is read under the target's name is a whole file with all steps that were written, and
-!> nothing is copied. It costs the writing and the room twice, until the end: then the copy beside gets what is known only then, takes the place, and the other is gone.
+!> nothing is copied. It costs the writing and the room twice, until the end: then the copy beside
+!> gets what is known only then, takes the place, and the other is gone.
 !>
 !> A file system that knows no second names of a file cannot do that: there one copy is written in
 !> its place.

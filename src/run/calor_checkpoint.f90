@@ -80,15 +80,15 @@ contains
     answer = real(now - this%last_tick, wp)/rate >= this%settings%every_seconds
   end function is_due
 
-  subroutine at_step(this, time, steps, accumulated_error, pause)
+  subroutine at_step(this, time, steps, accumulated_error, rest)
     class(checkpoint_clock_t), intent(inout) :: this
     real(wp), intent(in) :: time
     integer, intent(in) :: steps
     real(wp), intent(in) :: accumulated_error
-    logical, intent(inout) :: pause
+    logical, intent(inout) :: rest
 
-    if (associated(this%next)) call this%next%at_step(time, steps, accumulated_error, pause)
-    if (this%is_due(time)) pause = .true.
+    if (associated(this%next)) call this%next%at_step(time, steps, accumulated_error, rest)
+    rest = rest .or. this%is_due(time)
   end subroutine at_step
 
   ! ---------------------------------------------------------------------------------------------

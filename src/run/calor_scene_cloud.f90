@@ -78,9 +78,9 @@ contains
   end subroutine make_scene_cloud
 
   !> Make or read a slice of a cloud, as one of several processes does: in the user's order, without
-  !> areas and unchecked. The particles inside a disc, annulus or polygon, and those from a file, are
-  !> numbered as if those of no other slice came before them. The spacing of a user's cloud is that
-  !> of the scene, 0 if it gives none.
+  !> areas and unchecked. The particles inside a disc, annulus or polygon, and those from a file,
+  !> are numbered as if those of no other slice came before them. The spacing of a user's cloud is
+  !> that of the scene, 0 if it gives none.
   subroutine make_scene_slice(scene, slice, cloud, has_volume, error)
     !> The scene, its particles not 'relaxed'
     type(scene_t), intent(in) :: scene

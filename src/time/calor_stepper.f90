@@ -40,7 +40,7 @@ module calor_stepper
     integer, private :: parts = 0, parts_done = 0
     real(wp), private :: parts_start = 0.0_wp, parts_end = 0.0_wp, parts_time = 0.0_wp
     !> Whether the listener asks for a pause
-    logical, private :: pause = .false.
+    logical, private :: rest = .false.
     !> Whether an interrupt ends the integration after a step
     logical :: interruptible = .true.
     !> Who hears of each step
@@ -85,7 +85,7 @@ contains
     integer :: last
 
     this%integrator%tolerance = this%tolerance
-    this%pause = .false.
+    this%rest = .false.
     if (.not. allocated(this%u_next)) allocate (this%u_next(size(u)))
     if (.not. this%tolerance > 0) then
       call this%advance_equally(evolution, time, end_time, u, error, watcher)
@@ -119,7 +119,7 @@ contains
       step = (end_time - time)/max(1.0_wp, aint((end_time - time)/step + 0.9999_wp))
       call this%try_step(evolution, time, step, u, error, watcher)
       if (abs(end_time - time) <= 4*spacing(end_time)) time = end_time
-      if (allocated(error) .or. this%pause) return
+      if (allocated(error) .or. this%rest) return
     end do
   end subroutine advance_to
 
@@ -151,7 +151,7 @@ contains
       if (time > this%parts_time) this%parts_done = this%parts_done + 1
       if (this%parts_done == this%parts) time = end_time
       this%parts_time = time
-      if (allocated(error) .or. this%pause) return
+      if (allocated(error) .or. this%rest) return
     end do
   end subroutine advance_equally
 
@@ -195,7 +195,7 @@ contains
     this%steps = this%steps + 1
     this%accumulated_error = this%accumulated_error + local_error
     if (associated(this%listener)) then
-      call this%listener%at_step(time, this%steps, this%accumulated_error, this%pause)
+      call this%listener%at_step(time, this%steps, this%accumulated_error, this%rest)
     end if
     if (present(watcher)) then
       call watcher%stepped(evolution, this%integrator, time, step, u, error)
