@@ -93,7 +93,7 @@ distributed: ## calor-mpi, at bin/calor-mpi: the same scenes on PETSc over MPI (
 	@tools/set_up.sh distributed
 	@tools/drop_stale.sh distributed
 	@cd distributed && $(FPM_DISTRIBUTED) run $(DISTRIBUTED_OPTIONS) --target calor-mpi \
-	  --runner "../tools/place.sh $(abspath $(BIN))"
+	  --runner "../tools/place.sh $(abspath $(BIN))" || { rm -rf build/mpifort_*; exit 1; }
 
 test-distributed: build distributed ## the tests of calor-mpi, on up to 8 ranks; SUITE=, TEST=
 	@mkdir -p build/test-distributed

@@ -37,15 +37,15 @@ contains
     this%shown = this%start
   end subroutine begin
 
-  subroutine at_step(this, time, steps, accumulated_error, pause)
+  subroutine at_step(this, time, steps, accumulated_error, rest)
     class(shared_progress_t), intent(inout) :: this
     real(wp), intent(in) :: time
     integer, intent(in) :: steps
     real(wp), intent(in) :: accumulated_error
-    logical, intent(inout) :: pause
+    logical, intent(inout) :: rest
     integer(int64) :: now, rate
 
-    associate (unused => pause)
+    associate (unused => rest)
     end associate
     if (this%quiet) return
     call system_clock(now, rate)
