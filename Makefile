@@ -12,7 +12,7 @@ PREFIX ?= /usr/local
 
 .PHONY: help build run install test test-checked examples lint format pictures hard-cases cost documents \
   docs outside steppers verification absent-effects bench fuzz kill-runs set-up clean distclean \
-  distributed test-distributed
+  distributed test-distributed scaling
 SHELL := /bin/bash
 
 RELEASE_FLAGS := -O3 -march=native
@@ -101,6 +101,9 @@ test-distributed: build distributed ## the tests of calor-mpi, on up to 8 ranks;
 	  OMP_NUM_THREADS=1 $(FPM_DISTRIBUTED) test $(DISTRIBUTED_OPTIONS) \
 	  --runner "$(CURDIR)/tools/run_in.sh $(CURDIR)/build/test-distributed" -- \
 	  $(if $(SUITE),"$(SUITE)") $(if $(TEST),"$(TEST)")
+
+scaling: distributed ## count anew what ranks exchange, for docs/scaling.md (minutes)
+	@tools/scaling.sh $(BIN)
 
 fuzz: build ## feed 20000 damaged scenes and clouds to a build with sanitizers (an hour); CASES=, SEED=, LIMIT= in s
 	@$(MAKE) --no-print-directory build FLAGS='$(CHECKED_FLAGS)' BIN=build/checked/bin

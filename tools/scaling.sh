@@ -24,8 +24,8 @@ END
 
 # Particles of a rank, of others within reach, and bytes: from the lines Ranks and Exchange.
 numbers() {
-  awk -v p="$1" '/^Ranks/ { own = $6; halo = $10 }
-    /^Exchange/ { printf "%d %d %d %d %d %.2f\n", p, own, halo, $2, $15, $2/8/sqrt(own)/2.1 }'
+  awk -v p="$1" '/^Ranks/ { own = $7; halo = $12 }
+    /^Exchange/ { printf "%d %d %d %d %d %.2f\n", p, own, halo, $2, $15, (p > 1 ? $2/8/sqrt(own)/2.1 : 0) }'
 }
 
 scene
