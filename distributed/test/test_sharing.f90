@@ -71,8 +71,11 @@ contains
       if (status /= 0) exit
       if (index(line, heading) /= 1) cycle
       words = ''
+      ! The line has fewer words than there is room for.
       read (line(len(heading) + 1:), *, iostat=status) words
+      if (status == 0) cycle
       read (words(word), *, iostat=status) number
+      if (status /= 0) number = huge(1.0_wp)
     end do
     close (unit)
   end function number_in
