@@ -14,7 +14,7 @@ module test_checkpoint
   use calor_simulation, only: simulation_t, observer_t
   use calor_text, only: to_text
   use test_command_line, only: zero_wall_times
-  use test_process, only: contents_of, environment_or, outcome_t, run_command, write_text
+  use test_process, only: contents_of, outcome_t, program_path, run_command, write_text
   use testdrive, only: new_unittest, unittest_type, error_type, check, test_failed
   implicit none (type, external)
   private
@@ -581,18 +581,6 @@ contains
   subroutine start_over()
     call execute_command_line('rm -rf '//folder//' && mkdir -p '//folder)
   end subroutine start_over
-
-  function program_path() result(path)
-    character(len=:), allocatable :: path
-    type(outcome_t) :: here
-
-    path = environment_or('CALOR_PROGRAM', 'bin/calor')
-    if (path(1:1) /= '/') then
-      call run_command('pwd', folder//'../here', here)
-      path = here%output(:len(here%output) - 1)//'/'//path
-    end if
-    path = '"'//path//'"'
-  end function program_path
 
   subroutine run_whole(text, output, failure, simulation)
     character(len=*), intent(in) :: text, output

@@ -46,7 +46,7 @@ contains
         if (allocated(error)) return
         call set_spacing(domain%spacing, has_volume, cloud, error)
         if (allocated(error)) return
-        call check_memory(real(cloud%particles(), wp), scene%support, domain%place, error)
+        call check_memory(real(cloud%particles(), wp), scene, error)
         if (allocated(error)) return
         if (.not. has_volume) then
           call volumes_from_kernel(cloud, kernel, scene%support*cloud%spacing)
@@ -55,7 +55,7 @@ contains
       case default
         call make_scene_body(domain, body, error)
         if (allocated(error)) return
-        call check_memory(body%particles_about(domain%spacing), scene%support, domain%place, error)
+        call check_memory(body%particles_about(domain%spacing), scene, error)
         if (allocated(error)) return
         if (domain%shape == 'rectangle') then
           call make_rectangle(domain%x_range, domain%y_range, domain%spacing, &
