@@ -11,7 +11,8 @@
 PREFIX ?= /usr/local
 
 .PHONY: help build run install test test-checked examples lint format pictures hard-cases cost documents \
-  docs outside steppers verification absent-effects bench fuzz kill-runs set-up clean distclean
+  docs outside steppers verification absent-effects bench fuzz kill-runs set-up clean distclean \
+  distributed test-distributed scaling
 SHELL := /bin/bash
 
 RELEASE_FLAGS := -O3 -march=native
@@ -27,6 +28,9 @@ SEED     ?= 1
 LIMIT    ?= inf
 BIN      ?= bin
 EXAMPLES ?= build/examples
+# What is checked and indented.
+SOURCES = $(wildcard src app test example example-project/app distributed/src distributed/app \
+  distributed/test)
 DOCUMENTS = README.md CHANGELOG.md $(wildcard docs/*.md)
 
 # Libraries that a program does not call are not tied to it.
@@ -77,6 +81,30 @@ test-checked: ## all tests in a build with run-time checks and sanitizers (slow)
 	@ASAN_OPTIONS=detect_leaks=0 $(MAKE) --no-print-directory test \
 	  FLAGS='$(CHECKED_FLAGS)' BIN=build/checked/bin EXAMPLES=build/checked/examples
 
+# The second fpm package. Its library is calor's, compiled for MPI's compiler into a build of its own.
+PETSC_FLAGS = $(shell pkg-config --cflags-only-I petsc)
+PETSC_LINKS = $(shell pkg-config --libs-only-L petsc)
+FPM_DISTRIBUTED = ../$(FPM)
+DISTRIBUTED_OPTIONS = --compiler mpifort --flag "$(strip $(FLAGS)) $(PETSC_FLAGS)" \
+  --link-flag "$(PETSC_LINKS) -Wl,--as-needed"
+MPIRUN ?= mpirun --oversubscribe $(if $(filter 0,$(shell id -u)),--allow-run-as-root)
+
+distributed: ## calor-mpi, at bin/calor-mpi: the same scenes on PETSc over MPI (installs these)
+	@tools/set_up.sh distributed
+	@tools/drop_stale.sh distributed
+	@cd distributed && $(FPM_DISTRIBUTED) run $(DISTRIBUTED_OPTIONS) --target calor-mpi \
+	  --runner "../tools/place.sh $(abspath $(BIN))" || { rm -rf build/mpifort_*; exit 1; }
+
+test-distributed: build distributed ## the tests of calor-mpi, on up to 8 ranks; SUITE=, TEST=
+	@mkdir -p build/test-distributed
+	@cd distributed && CALOR_MPI_PROGRAM=$(abspath $(BIN))/calor-mpi CALOR_MPIRUN="$(strip $(MPIRUN))" \
+	  OMP_NUM_THREADS=1 $(FPM_DISTRIBUTED) test $(DISTRIBUTED_OPTIONS) \
+	  --runner "$(CURDIR)/tools/run_in.sh $(CURDIR)/build/test-distributed" -- \
+	  $(if $(SUITE),"$(SUITE)") $(if $(TEST),"$(TEST)")
+
+scaling: distributed ## count anew what ranks exchange, for docs/scaling.md (minutes)
+	@tools/scaling.sh $(BIN)
+
 fuzz: build ## feed 20000 damaged scenes and clouds to a build with sanitizers (an hour); CASES=, SEED=, LIMIT= in s
 	@$(MAKE) --no-print-directory build FLAGS='$(CHECKED_FLAGS)' BIN=build/checked/bin
 	@tools/fuzz.py build/checked/bin/calor $(BIN)/calor --count $(CASES) --seed $(SEED) \
@@ -87,14 +115,14 @@ kill-runs: build ## kill runs 200 times, resume them, compare what they leave (m
 
 lint: ## check the sources (fortitude's rules, the format), the documents' spelling and links
 	@tools/set_up.sh lint
-	@.venv/bin/fortitude check --quiet $(wildcard src app test example example-project/app)
-	@tools/format.sh --check $(wildcard src app test example example-project/app)
+	@.venv/bin/fortitude check --quiet $(SOURCES)
+	@tools/format.sh --check $(SOURCES)
 	@.venv/bin/codespell --ignore-words tools/words.txt $(DOCUMENTS)
 	@tools/check_links.py $(DOCUMENTS)
 
 format: ## indent the sources as `make lint` wants them
 	@tools/set_up.sh lint
-	@tools/format.sh $(wildcard src app test example example-project/app)
+	@tools/format.sh $(SOURCES)
 
 pictures: examples ## draw the pictures of the documentation anew
 	@tools/pictures.sh $(EXAMPLES) docs/pictures
@@ -139,7 +167,8 @@ set-up: ## install what is missing, build nothing
 	@tools/set_up.sh
 
 clean: ## remove what was built
-	rm -rf bin build/checked build/examples build/gfortran_* build/cache.toml build/compile_commands.json
+	rm -rf bin build/checked build/examples build/gfortran_* build/cache.toml \
+	  build/compile_commands.json build/test-distributed distributed/build
 
 distclean: clean ## remove what was built and what was installed here (Debian packages stay)
-	rm -rf build .venv .venv-vtk .venv-bench .venv-docs
+	rm -rf build distributed/build .venv .venv-vtk .venv-bench .venv-docs

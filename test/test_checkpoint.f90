@@ -73,6 +73,9 @@ contains
                 new_unittest('tr_bdf2, not linear', test_tr_bdf2), &
                 new_unittest('exponential', test_exponential), &
                 new_unittest('melting', test_melting), &
+                new_unittest('materials with laws of their own', test_jumps), &
+                new_unittest('a conductivity by place and temperature', test_local), &
+                new_unittest('temperatures far beyond the given ones', test_beyond), &
                 new_unittest('error estimate', test_estimate), &
                 new_unittest('a body that turns', test_turning), &
                 new_unittest('particles that flow', test_flow), &
@@ -352,6 +355,59 @@ contains
     if (allocated(error)) return
     call expect_same(error, scene//estimated, 'every = 0.02', [3, 20])
   end subroutine test_melting
+
+  !> Two materials that conduct by different laws of the temperature: their potentials jump where
+  !> they touch.
+  subroutine test_jumps(error)
+    type(error_type), allocatable, intent(out) :: error
+    character(len=*), parameter :: two = &
+        '&material conductivity_expression = ''1+0.5*T'' /'//lf// &
+        '&material conductivity_expression = ''2*exp(0.3*T)'' '// &
+        'heat_capacity_expression = ''1+0.2*T'' where_expression = ''x>'
+
+    call expect_same_by_all(error, square//warm//held//two//'0.5'' /'//lf, 0.02_wp)
+    if (allocated(error)) return
+    call expect_same(error, disc//spot//held//two//'0'' /'//lf//swirl//'.true. /'//lf// &
+                     '&time end = 0.05 /'//lf, 'every = 0.02', [1, 6, 13])
+  end subroutine test_jumps
+
+  subroutine test_local(error)
+    type(error_type), allocatable, intent(out) :: error
+    character(len=*), parameter :: one = '&material conductivity_expression = ''1+0.5*x*T+T^2*y^2'' /'
+
+    call expect_same_by_all(error, square//warm//held//one//lf, 0.02_wp)
+    if (allocated(error)) return
+    call expect_same(error, disc//spot//held//one//lf//swirl//'.true. /'//lf// &
+                     '&time end = 0.05 /'//lf, 'every = 0.02', [1, 6, 13])
+  end subroutine test_local
+
+  !> A sink cools the body far below what is given, so that tables of properties grow downwards.
+  subroutine test_beyond(error)
+    type(error_type), allocatable, intent(out) :: error
+
+    call expect_same_by_all(error, square//warm//held//'&material conductivity_expression = '// &
+                            '''1+0.3*exp(T)'' heat_capacity_expression = ''1+0.1*exp(0.5*T)'' /'// &
+                            lf//'&source power_expression = ''-70*(1+x)'' /'//lf, 0.1_wp)
+  end subroutine test_beyond
+
+  !> By every method whose state differs, and with the error estimate
+  subroutine expect_same_by_all(error, scene, time)
+    type(error_type), allocatable, intent(out) :: error
+    !> The scene without its time and output
+    character(len=*), intent(in) :: scene
+    !> When it ends, s
+    real(wp), intent(in) :: time
+    character(len=11), parameter :: method(3) = ['rkl2       ', 'tr_bdf2    ', 'exponential']
+    integer :: k
+
+    do k = 1, size(method)
+      call expect_same(error, scene//'&time end = '//to_text(time)//' method = '''// &
+                       trim(method(k))//''' /'//lf, 'every = '//to_text(0.4_wp*time), [2, 5])
+      if (allocated(error)) return
+    end do
+    call expect_same(error, scene//'&time end = '//to_text(time)//' method = ''rkl2'' /'//lf// &
+                     estimated, 'every = '//to_text(0.4_wp*time), [2, 5])
+  end subroutine expect_same_by_all
 
   subroutine test_estimate(error)
     type(error_type), allocatable, intent(out) :: error

@@ -401,7 +401,7 @@ contains
                'line 5: &material conductivity = 1e302|too large|1e30'), &
         case_t('&material conductivity_xx = 1e302 conductivity_yy = 1e302 /', 2, &
                'line 5: &material conductivity_xx = 1e302|too large|1e30'), &
-        case_t('&material density = 1e-31 /', 2, 'line 5: &material density|too small|1e-30'), &
+        case_t('&material density = 1e-41 /', 2, 'line 5: &material density|too small|1e-40'), &
         case_t('&material conductivity_expression = ''x > 0.5 ? 1e302 : 1'' /', 2, &
                'line 5: &material conductivity_expression|at ('), &
         case_t('&time end = 1 step = 1 method = ''forward_euler'' /', 2, &
@@ -415,7 +415,7 @@ contains
         case_t('&output file = ''out.vtkhdf'' every = 1e-300 /', 2, 'line 9: &output|every'), &
         case_t('&output file = ''out.vtkhdf'' fields = ''heat'' /', 2, 'line 9: &output fields'), &
         case_t('&output file = '' '' /', 2, 'line 9: &output file|blank'), &
-        case_t('&checkpoint every_seconds = -1 /', 2, 'line 11: &checkpoint every_seconds|negative'), &
+        case_t('&checkpoint every_seconds = -1 /', 2, 'line 11: &checkpoint every_seconds|not negative'), &
         case_t('&checkpoint keep = 0 /', 2, 'line 11: &checkpoint keep'), &
         case_t('&checkpoint file = ''out.vtkhdf'' /', 2, 'line 11: &checkpoint file|output'), &
         case_t('&checkpoint file = ''none/a.h5'' /', 4, 'line 11: &checkpoint|does not exist')])

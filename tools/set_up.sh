@@ -5,6 +5,7 @@
 #   tools/set_up.sh lint     the linter, the formatter and what checks the spelling of documents
 #   tools/set_up.sh docs     FORD, which makes pages of the modules
 #   tools/set_up.sh vtk      VTK's reader for Python, which the continuous integration opens files with
+#   tools/set_up.sh distributed  PETSc, PARPACK and Open MPI, for calor-mpi
 #   tools/set_up.sh bench    programs of others that `make bench` measures beside calor
 #
 # Debian packages are installed where that is allowed (root); elsewhere the script says which are
@@ -160,7 +161,7 @@ place_stand_in() {
   say "test-drive's host cannot be reached; its twin in Debian's mctc-lib stands in for it"
 }
 
-#--- The three tasks -----------------------------------------------------------------------------
+#--- The tasks -----------------------------------------------------------------------------------
 
 set_up_build() {
   local stand_in=0
@@ -184,11 +185,23 @@ set_up_build() {
   fi
 }
 
+# What calor-mpi takes beside. The serial HDF5 stays the one that calor itself is built with.
+set_up_distributed() {
+  local packages=()
+  set_up_build
+  has_command mpifort || packages+=(libopenmpi-dev)
+  has_command mpirun || packages+=(openmpi-bin)
+  has_library petsc_real && pkg-config --exists petsc || packages+=(libpetsc-real-dev)
+  has_library parpack || packages+=(libparpack2-dev)
+  install_packages "${packages[@]}"
+}
+
 case ${1:-build} in
   build) set_up_build ;;
+  distributed) set_up_distributed ;;
   lint) install_pinned .venv "${LINTERS[@]}" ;;
   docs) install_with_needs .venv-docs "$FORD" ;;
   vtk) install_pinned .venv-vtk "$VTK" ;;
   bench) install_with_needs .venv-bench "${PEERS[@]}" ;;
-  *) fail "unknown task '$1': build, lint, docs, vtk or bench" ;;
+  *) fail "unknown task '$1': build, lint, docs, vtk, bench or distributed" ;;
 esac

@@ -10,7 +10,7 @@ module calor_constants
   !> The sizes that a number of a scene or a cloud may have, unless it is 0, and whatever its unit.
   !> No length, time or property of a body is near them; beyond them the squares and quotients that
   !> a simulation takes would leave the range of the numbers (1e±308).
-  real(wp), parameter :: least_size = 1.0e-30_wp, greatest_size = 1.0e30_wp
+  real(wp), parameter :: least_size = 1.0e-40_wp, greatest_size = 1.0e30_wp
   !> A loop over fewer particles is not worth starting threads for: on a busy machine they wait for
   !> each other longer than the loop takes
   integer, parameter :: worth_threads = 2000

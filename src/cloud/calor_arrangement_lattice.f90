@@ -3,6 +3,7 @@ module calor_arrangement_lattice
   use calor_cloud, only: cloud_t, allocate_cloud
   use calor_error, only: error_t
   use calor_kinds, only: wp, ip
+  use calor_slice, only: slice_t, share_of
   implicit none (type, external)
   private
 
@@ -14,7 +15,7 @@ contains
   !>
   !> The number of intervals along each edge is the nearest to edge/spacing. Every particle, also
   !> one on a wall, has the volume of a whole cell.
-  subroutine arrange_lattice(x_range, y_range, spacing, cloud, error)
+  subroutine arrange_lattice(x_range, y_range, spacing, cloud, error, slice)
     !> Left and right, bottom and top edge, m
     real(wp), intent(in) :: x_range(2), y_range(2)
     !> Wanted distance of neighbours, m
@@ -23,14 +24,20 @@ contains
     type(cloud_t), intent(out) :: cloud
     !> There is not enough memory
     type(error_t), allocatable, intent(out) :: error
-    integer :: column, columns, particle, row, rows
+    !> Only a slice of it, by columns: its own particles, and on either side one column of others
+    type(slice_t), intent(in), optional :: slice
+    integer :: column, columns, first, last, own_first, own_last, particle, row, rows
 
     columns = lattice_intervals(x_range, spacing)
     rows = lattice_intervals(y_range, spacing)
-    call allocate_cloud(cloud, (columns + 1)*(rows + 1), error)
+    call share_of(columns + 1, own_first, own_last, first, last, slice)
+    call allocate_cloud(cloud, (last - first + 1)*(rows + 1), error)
     if (allocated(error)) return
+    cloud%user_index = cloud%user_index + first*(rows + 1)
+    cloud%own_first = (own_first - first)*(rows + 1) + 1
+    cloud%own_last = (own_last - first + 1)*(rows + 1)
     particle = 0
-    do column = 0, columns
+    do column = first, last
       do row = 0, rows
         particle = particle + 1
         cloud%x(particle) = node(x_range, column, columns)

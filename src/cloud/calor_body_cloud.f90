@@ -10,6 +10,7 @@ module calor_body_cloud
   use calor_inner_nodes, only: grid_t, nodes_inside
   use calor_kinds, only: wp, ip
   use calor_relaxation, only: relax_particles
+  use calor_slice, only: slice_t
   use calor_text, only: suggestion, to_text
   use calor_wall_particles, only: wall_particles_t, place_wall_particles
   implicit none (type, external)
@@ -31,7 +32,7 @@ contains
   !> lets them repel each other, so that they fit the walls.
   !> Wall particles come first. Fails with status_bad_input where spacing, arrangement or jitter
   !> make no sense, or give more particles than can be numbered or held in memory.
-  subroutine fill_body(body, spacing, arrangement, jitter, seed, cloud, error)
+  subroutine fill_body(body, spacing, arrangement, jitter, seed, cloud, error, slice)
     !> The body
     type(body_t), intent(in) :: body
     !> Wanted distance of neighbours, m
@@ -46,9 +47,13 @@ contains
     type(cloud_t), intent(out) :: cloud
     !> What is wrong with the request
     type(error_t), allocatable, intent(out) :: error
+    !> Only a slice of them, without areas: some on the walls, and those of some columns, numbered
+    !> from 1 after all of the walls. 'relaxed' particles come only together
+    type(slice_t), intent(in), optional :: slice
     type(grid_t) :: grid
     type(wall_particles_t) :: walls
     real(wp), allocatable :: x(:), y(:)
+    integer :: first, k, last, on_walls
 
     call check_spacing(body, spacing, error)
     if (allocated(error)) return
@@ -70,14 +75,26 @@ contains
     if (allocated(error)) return
     call place_wall_particles(body, spacing, walls, error)
     if (allocated(error)) return
-    call nodes_inside(grid, body, clearance*spacing, x, y)
+    on_walls = walls%number
+    first = 0
+    if (present(slice)) then
+      call slice%share(on_walls, first, last)
+      call walls%keep(first + 1, last + 1)
+    end if
+    call nodes_inside(grid, body, clearance*spacing, x, y, slice)
     x = [walls%x, x]
     y = [walls%y, y]
     if (arrangement == 'relaxed') call relax_particles(body, spacing, walls%number, x, y)
 
     call allocate_cloud(cloud, size(x), error)
     if (allocated(error)) return
-    call find_cell_areas(body, spacing, x, y, cloud%area)
+    if (present(slice)) then
+      cloud%user_index(:walls%number) = [(k, k=first + 1, first + walls%number)]
+      cloud%user_index(walls%number + 1:) = [(k, k=on_walls + 1, on_walls + size(x) - &
+                                              walls%number)]
+    else
+      call find_cell_areas(body, spacing, x, y, cloud%area)
+    end if
     call move_alloc(x, cloud%x)
     call move_alloc(y, cloud%y)
     cloud%volume = grid%width*grid%height

@@ -33,7 +33,18 @@ module calor_cloud
     type(text_t), allocatable :: boundary(:)
     !> Nominal distance between neighbours, m
     real(wp) :: spacing = 0.0_wp
+    !> A cloud may be a part of a larger one: then its own particles are `own_first` to `own_last`,
+    !> and the others are those of other parts that lie within reach of them
+    logical :: is_part = .false.
+    integer :: own_first = 1, own_last = huge(1)
+    !> Whether a boundary, numbered from 0, consists of another one and more, of which the particles
+    !> of a part do not tell; allocated there only
+    logical, allocatable :: covers(:, :)
+    !> The larger extent of the whole, m; 0: that of the particles
+    real(wp) :: extent = 0.0_wp
   contains
+    !> Whether a particle is its own
+    procedure :: owns
     !> Number of particles
     procedure :: particles
     !> Put the particles into another order, or take some of them, even twice; `user_index` keeps
@@ -79,6 +90,14 @@ contains
 
     number = size(this%x)
   end function particles
+
+  elemental function owns(this, particle) result(answer)
+    class(cloud_t), intent(in) :: this
+    integer, intent(in) :: particle
+    logical :: answer
+
+    answer = particle >= this%own_first .and. particle <= this%own_last
+  end function owns
 
   pure subroutine reorder(this, order)
     class(cloud_t), intent(inout) :: this

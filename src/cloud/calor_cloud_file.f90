@@ -13,6 +13,7 @@ module calor_cloud_file
   use calor_hdf5, only: start_hdf5, open_hdf5_file, hdf5_has, hdf5_silence_t, hdf5_reason
   use calor_kinds, only: wp, ip, i8
   use calor_machine_memory, only: available_memory
+  use calor_slice, only: slice_t
   use calor_text, only: text_t, to_text, lower_case, join
   use hdf5, only: hid_t, hsize_t, h5kind_to_type, &
                   h5_real_kind, h5s_select_set_f, h5t_float_f, h5t_integer_f, &
@@ -59,7 +60,7 @@ contains
   !>
   !> Fails with status 2 if there is no such file or its content is wrong, and with status 4 if the
   !> file cannot be read.
-  subroutine read_cloud_file(path, cloud, has_volume, has_wall, error, ignored_columns)
+  subroutine read_cloud_file(path, cloud, has_volume, has_wall, error, ignored_columns, slice)
     !> The file
     character(len=*), intent(in) :: path
     !> The particles
@@ -72,12 +73,15 @@ contains
     type(error_t), allocatable, intent(out) :: error
     !> Names of the CSV columns that were passed over
     type(text_t), allocatable, intent(out), optional :: ignored_columns(:)
+    !> Only a slice of the particles, in the file's order, numbered from 1; perhaps none
+    type(slice_t), intent(in), optional :: slice
     character(len=*), parameter :: hdf5_signature = char(137)//'HDF'//carriage_return// &
                                    line_feed//achar(26)//line_feed
     character(len=:), allocatable :: content, name
     type(text_t), allocatable :: ignored(:)
     type(ieee_status_type) :: floating_point
     integer, allocatable :: wall(:)
+    integer(i8) :: start
     integer :: k
 
     has_volume = .false.
@@ -92,7 +96,18 @@ contains
     call ieee_get_status(floating_point)
     call ieee_set_halting_mode(ieee_all, .false.)
     if (content == hdf5_signature) then
-      call read_vtkhdf(name, cloud, wall, has_volume, has_wall, error)
+      call read_vtkhdf(name, cloud, wall, has_volume, has_wall, error, slice)
+    else if (present(slice)) then
+      call read_lines(name, slice, content, start, error)
+      if (.not. allocated(error)) then
+        call read_csv(name, content, cloud, wall, has_volume, has_wall, ignored, error, 0)
+        ! Only a message tells lines by number: then those before are worth counting.
+        if (allocated(error)) then
+          deallocate (error)
+          call read_csv(name, content, cloud, wall, has_volume, has_wall, ignored, error, &
+                        lines_before(name, start) - lines_in_header(content))
+        end if
+      end if
     else
       call read_bytes(name, huge(1_i8), content, error)
       if (.not. allocated(error)) then
@@ -176,6 +191,107 @@ contains
     end select
   end subroutine check_file
 
+  !> The line of a CSV file that names the columns, with what stands before it, and of the lines
+  !> after that the share of a slice: those that begin in its share of the bytes.
+  subroutine read_lines(path, slice, content, start, error)
+    character(len=*), intent(in) :: path
+    type(slice_t), intent(in) :: slice
+    character(len=:), allocatable, intent(out) :: content
+    !> Bytes before the slice's lines
+    integer(i8), intent(out) :: start
+    type(error_t), allocatable, intent(out) :: error
+    integer(i8), parameter :: block_length = 65536
+    character(len=:), allocatable :: head, block
+    character(len=200) :: message
+    integer(i8) :: bytes, next, first, last, finish, most
+    integer :: unit, status, line
+
+    most = block_length
+    do
+      call read_bytes(path, most, head, error)
+      if (allocated(error)) return
+      next = 1
+      line = 0
+      call next_line(head, next, line, first, last)
+      if ((last >= first .and. next <= len(head, i8)) .or. len(head, i8) < most) exit
+      most = 2*most
+    end do
+    message = ''
+    open (newunit=unit, file=path, access='stream', form='unformatted', status='old', &
+          action='read', iostat=status, iomsg=message)
+    if (status == 0) then
+      inquire (unit=unit, size=bytes)
+      next = min(next - 1, bytes)
+      start = begin_of_line(next + (bytes - next)/slice%parts*slice%part)
+      finish = bytes
+      if (slice%part < slice%parts - 1) then
+        finish = begin_of_line(next + (bytes - next)/slice%parts*(slice%part + 1))
+      end if
+      allocate (character(len=max(0_i8, finish - start)) :: block)
+      if (finish > start) read (unit, pos=start + 1, iostat=status, iomsg=message) block
+      close (unit)
+      content = head(:next)//block
+    end if
+    if (status == 0) return
+    call raise(error, status_bad_file, 'The cloud''s file '''//path//''' cannot be read: '// &
+               trim(message)//'.')
+
+  contains
+
+    !> The bytes before the first line that begins after so many bytes, or right there
+    integer(i8) function begin_of_line(bytes_before)
+      integer(i8), intent(in) :: bytes_before
+      character(len=1) :: letter
+
+      begin_of_line = bytes_before
+      if (bytes_before == next) return
+      do while (begin_of_line < bytes)
+        read (unit, pos=begin_of_line, iostat=status, iomsg=message) letter
+        if (status /= 0 .or. letter == line_feed) return
+        begin_of_line = begin_of_line + 1
+      end do
+    end function begin_of_line
+
+  end subroutine read_lines
+
+  !> How many lines end within the first bytes of a file.
+  function lines_before(path, bytes) result(lines)
+    character(len=*), intent(in) :: path
+    integer(i8), intent(in) :: bytes
+    integer :: lines
+    character(len=65536) :: block
+    integer(i8) :: done, k
+    integer :: unit, status
+
+    lines = 0
+    done = 0
+    open (newunit=unit, file=path, access='stream', form='unformatted', status='old', &
+          action='read', iostat=status)
+    if (status /= 0) return
+    do while (done < bytes)
+      associate (part => min(len(block, i8), bytes - done))
+        read (unit, pos=done + 1, iostat=status) block(:part)
+        if (status /= 0) exit
+        do k = 1, part
+          if (block(k:k) == line_feed) lines = lines + 1
+        end do
+        done = done + part
+      end associate
+    end do
+    close (unit)
+  end function lines_before
+
+  !> How many lines there are up to the one that names the columns.
+  pure function lines_in_header(content) result(line)
+    character(len=*), intent(in) :: content
+    integer :: line
+    integer(i8) :: next, first, last
+
+    next = 1
+    line = 0
+    call next_line(content, next, line, first, last)
+  end function lines_in_header
+
   !> The file's bytes, but no more than `most` of them.
   subroutine read_bytes(path, most, content, error)
     character(len=*), intent(in) :: path
@@ -209,7 +325,7 @@ contains
   ! CSV
   ! ---------------------------------------------------------------------------------------------
 
-  subroutine read_csv(path, content, cloud, wall, has_volume, has_wall, ignored, error)
+  subroutine read_csv(path, content, cloud, wall, has_volume, has_wall, ignored, error, skipped)
     character(len=*), intent(in) :: path
     character(len=*), intent(in) :: content
     type(cloud_t), intent(inout) :: cloud
@@ -217,6 +333,8 @@ contains
     logical, intent(out) :: has_volume, has_wall
     type(text_t), allocatable, intent(out) :: ignored(:)
     type(error_t), allocatable, intent(out) :: error
+    !> Of a slice: lines that were left out after the one that names the columns
+    integer, intent(in), optional :: skipped
     !> What each column means; 0 for a column that is passed over
     integer, allocatable :: meaning(:)
     !> The names of the columns
@@ -242,6 +360,7 @@ contains
     has_wall = any(meaning == column_wall)
     ignored = pack_texts(names, meaning == 0)
 
+    if (present(skipped)) line = line + skipped
     rows = lines_from(content, next)
     allocate (values(rows, size(meanings)))
     number = 0
@@ -254,7 +373,7 @@ contains
       number = number + 1
       values(number, :) = row
     end do
-    if (number == 0) then
+    if (number == 0 .and. .not. present(skipped)) then
       call raise(error, status_bad_input, 'The cloud''s file '''//path// &
                  ''' has a header but no particles: give one line for each.')
       return
@@ -652,12 +771,13 @@ contains
   ! VTKHDF
   ! ---------------------------------------------------------------------------------------------
 
-  subroutine read_vtkhdf(path, cloud, wall, has_volume, has_wall, error)
+  subroutine read_vtkhdf(path, cloud, wall, has_volume, has_wall, error, slice)
     character(len=*), intent(in) :: path
     type(cloud_t), intent(inout) :: cloud
     integer, allocatable, intent(out) :: wall(:)
     logical, intent(out) :: has_volume, has_wall
     type(error_t), allocatable, intent(out) :: error
+    type(slice_t), intent(in), optional :: slice
     type(hdf5_silence_t) :: silence
     integer(hid_t) :: file_id
     integer :: status
@@ -670,22 +790,23 @@ contains
     if (status < 0) then
       call raise_damaged(path, error)
     else
-      call read_particles(path, file_id, cloud, wall, has_volume, has_wall, error)
+      call read_particles(path, file_id, cloud, wall, has_volume, has_wall, error, slice)
       call h5fclose_f(file_id, status)
     end if
     call silence%finish()
   end subroutine read_vtkhdf
 
-  subroutine read_particles(path, file_id, cloud, wall, has_volume, has_wall, error)
+  subroutine read_particles(path, file_id, cloud, wall, has_volume, has_wall, error, slice)
     character(len=*), intent(in) :: path
     integer(hid_t), intent(in) :: file_id
     type(cloud_t), intent(inout) :: cloud
     integer, allocatable, intent(out) :: wall(:)
     logical, intent(out) :: has_volume, has_wall
     type(error_t), allocatable, intent(out) :: error
+    type(slice_t), intent(in), optional :: slice
     real(wp), allocatable :: points(:, :), column(:)
-    integer(i8) :: rows
-    integer :: k
+    integer(i8) :: rows, all_rows, before
+    integer :: first, k, last
 
     has_volume = .false.
     has_wall = .false.
@@ -695,23 +816,33 @@ contains
       return
     end if
     call count_points(path, file_id, rows, error)
-    if (.not. allocated(error)) then
-      call read_rows(path, file_id, '/VTKHDF/Points', 3, rows, points, error)
-    end if
     if (allocated(error)) return
-    if (rows == 0) then
+    before = 0
+    if (present(slice)) then
+      if (rows < 0) call count_rows(path, file_id, '/VTKHDF/Points', rows, error)
+      if (allocated(error)) return
+      call slice%share(int(rows), first, last)
+    end if
+    all_rows = rows
+    if (present(slice)) then
+      before = first
+      rows = last - first + 1
+    end if
+    call read_rows(path, file_id, '/VTKHDF/Points', 3, rows, points, error, before)
+    if (allocated(error)) return
+    if (rows == 0 .and. all_rows <= 0) then
       call raise(error, status_bad_input, 'The cloud''s file '''//path//''' has no particles.')
       return
     end if
     do k = 1, int(rows)
       if (.not. all(ieee_is_finite(points(:, k)))) then
-        call raise(error, status_bad_input, particle_of(path, '/VTKHDF/Points', k)// &
+        call raise(error, status_bad_input, particle_of(path, '/VTKHDF/Points', k + int(before))// &
                    'a coordinate is not a finite number.')
       else if (abs(points(3, k)) > 0.0_wp) then
-        call raise(error, status_bad_input, particle_of(path, '/VTKHDF/Points', k)// &
+        call raise(error, status_bad_input, particle_of(path, '/VTKHDF/Points', k + int(before))// &
                    'z is '//to_text(points(3, k))//', but a cloud lies in the plane z = 0.')
       else if (maxval(abs(points(:, k))) > greatest_size) then
-        call raise(error, status_bad_input, particle_of(path, '/VTKHDF/Points', k)// &
+        call raise(error, status_bad_input, particle_of(path, '/VTKHDF/Points', k + int(before))// &
                    complaint(to_text(maxval(abs(points(:, k)))), is_too_large, column_x))
       end if
       if (allocated(error)) return
@@ -719,23 +850,24 @@ contains
     cloud%x = points(1, :)
     cloud%y = points(2, :)
 
-    call read_point_data(path, file_id, column_volume, rows, cloud%volume, error)
+    call read_point_data(path, file_id, column_volume, rows, cloud%volume, error, before)
     if (allocated(error)) return
     has_volume = allocated(cloud%volume)
-    call read_point_data(path, file_id, column_normal_x, rows, cloud%normal_x, error)
+    call read_point_data(path, file_id, column_normal_x, rows, cloud%normal_x, error, before)
     if (allocated(error)) return
-    call read_point_data(path, file_id, column_normal_y, rows, cloud%normal_y, error)
+    call read_point_data(path, file_id, column_normal_y, rows, cloud%normal_y, error, before)
     if (allocated(error)) return
-    call read_point_data(path, file_id, column_length, rows, cloud%wall_length, error)
+    call read_point_data(path, file_id, column_length, rows, cloud%wall_length, error, &
+                         before)
     if (allocated(error)) return
-    call read_point_data(path, file_id, column_wall, rows, column, error)
+    call read_point_data(path, file_id, column_wall, rows, column, error, before)
     if (allocated(error)) return
     has_wall = allocated(column)
     if (has_wall) wall = nint(column)
   end subroutine read_particles
 
   !> Read one of the point data; not allocated where the file has none of the name.
-  subroutine read_point_data(path, file_id, meaning, rows, values, error)
+  subroutine read_point_data(path, file_id, meaning, rows, values, error, before)
     character(len=*), intent(in) :: path
     integer(hid_t), intent(in) :: file_id
     !> One of the columns
@@ -743,13 +875,15 @@ contains
     integer(i8), intent(inout) :: rows
     real(wp), allocatable, intent(out) :: values(:)
     type(error_t), allocatable, intent(out) :: error
+    !> Rows that are left out before
+    integer(i8), intent(in) :: before
     character(len=:), allocatable :: name
     real(wp), allocatable :: column(:, :)
     integer :: k, what
 
     name = '/VTKHDF/PointData/'//trim(meanings(meaning))
     if (.not. hdf5_has(file_id, name)) return
-    call read_rows(path, file_id, name, 1, rows, column, error)
+    call read_rows(path, file_id, name, 1, rows, column, error, before)
     if (allocated(error)) return
     do k = 1, int(rows)
       what = is_number
@@ -760,7 +894,7 @@ contains
       else if (fits(column(1, k), meaning)) then
         cycle
       end if
-      call raise(error, status_bad_input, particle_of(path, name, k)// &
+      call raise(error, status_bad_input, particle_of(path, name, k + int(before))// &
                  complaint(to_text(column(1, k)), what, meaning))
       return
     end do
@@ -802,7 +936,7 @@ contains
   end subroutine count_points
 
   !> Read the first rows of a dataset of numbers.
-  subroutine read_rows(path, file_id, name, components, rows, values, error)
+  subroutine read_rows(path, file_id, name, components, rows, values, error, before)
     character(len=*), intent(in) :: path
     integer(hid_t), intent(in) :: file_id
     character(len=*), intent(in) :: name
@@ -812,8 +946,10 @@ contains
     integer(i8), intent(inout) :: rows
     real(wp), allocatable, target, intent(out) :: values(:, :)
     type(error_t), allocatable, intent(out) :: error
+    !> Rows that are left out before; 0 without it
+    integer(i8), intent(in), optional :: before
     integer(hid_t) :: dataset, file_space, memory_space, data_type
-    integer(hsize_t) :: extent(2), limit(2), block(2), stored
+    integer(hsize_t) :: extent(2), limit(2), block(2), offset(2), stored
     !> Numbers in a byte, at most: deflate, the best that is common, makes 1032 bytes into one
     real(wp), parameter :: strongest_compression = 1032.0_wp
     type(c_ptr) :: address
@@ -845,7 +981,9 @@ contains
       return
     end if
     if (rows < 0) rows = extent(2)
-    if (rows > extent(2)) then
+    offset = 0
+    if (present(before)) offset(2) = before
+    if (rows + offset(2) > extent(2)) then
       call raise(error, status_bad_input, 'The cloud''s file '''//path//''': '//name//' has '// &
                  to_text(int(extent(2), i8))//' rows where '//to_text(rows)//' are needed: the '// &
                  'file is not complete.')
@@ -872,7 +1010,7 @@ contains
     end if
     if (rows > 0) then
       block = [int(components, hsize_t), int(rows, hsize_t)]
-      call h5sselect_hyperslab_f(file_space, h5s_select_set_f, [0_hsize_t, 0_hsize_t], &
+      call h5sselect_hyperslab_f(file_space, h5s_select_set_f, offset(first:), &
                                  block(first:), status)
       if (status >= 0) call h5screate_simple_f(3 - first, block(first:), memory_space, status)
       address = c_loc(values)
@@ -890,6 +1028,32 @@ contains
     call h5tclose_f(data_type, status)
     call h5dclose_f(dataset, status)
   end subroutine read_rows
+
+  !> How many rows a dataset of points has.
+  subroutine count_rows(path, file_id, name, rows, error)
+    character(len=*), intent(in) :: path
+    integer(hid_t), intent(in) :: file_id
+    character(len=*), intent(in) :: name
+    integer(i8), intent(out) :: rows
+    type(error_t), allocatable, intent(out) :: error
+    integer(hid_t) :: dataset, space
+    integer(hsize_t) :: extent(2), limit(2)
+    integer :: rank, status
+
+    rows = 0
+    extent = 0
+    call h5dopen_f(file_id, name, dataset, status)
+    if (status >= 0) call h5dget_space_f(dataset, space, status)
+    if (status >= 0) call h5sget_simple_extent_ndims_f(space, rank, status)
+    if (status >= 0 .and. rank == 2) call h5sget_simple_extent_dims_f(space, extent, limit, status)
+    if (status < 0) then
+      call raise_damaged(path, error)
+      return
+    end if
+    rows = extent(2)
+    call h5sclose_f(space, status)
+    call h5dclose_f(dataset, status)
+  end subroutine count_rows
 
   subroutine raise_too_large(path, what, error)
     character(len=*), intent(in) :: path, what

@@ -3,6 +3,7 @@ module calor_inner_nodes
   use calor_body, only: body_t
   use calor_kinds, only: wp, i8
   use calor_random, only: random_uniform
+  use calor_slice, only: slice_t
   implicit none (type, external)
   private
 
@@ -39,7 +40,7 @@ contains
   !> clearance; column by column, each from the bottom.
   !>
   !> A node's displacement depends on the seed and on its number in the grid, not on the threads.
-  subroutine nodes_inside(grid, body, clearance, x, y)
+  subroutine nodes_inside(grid, body, clearance, x, y, slice)
     !> The grid
     type(grid_t), intent(in) :: grid
     !> The body
@@ -48,31 +49,36 @@ contains
     real(wp), intent(in) :: clearance
     !> Coordinates, m
     real(wp), allocatable, intent(out) :: x(:), y(:)
+    !> Only those of a slice, by columns
+    type(slice_t), intent(in), optional :: slice
     !> Where each column begins in x and y
     integer, allocatable :: first(:)
     real(wp) :: place(2)
-    integer :: column, k, row
+    integer :: column, from, k, row, to
     logical :: inside
 
     ! Once to count the nodes of each column, and once more to put them
-    allocate (first(0:grid%columns + 1), source=0)
+    from = 0
+    to = grid%columns
+    if (present(slice)) call slice%share(grid%columns + 1, from, to)
+    allocate (first(from:to + 1), source=0)
     !$omp parallel do if (grid%columns > worth_sharing) schedule(dynamic) default(shared) &
     !$omp private(column, row, place, inside)
-    do column = 0, grid%columns
+    do column = from, to
       do row = 0, grid%rows
         call grid%kept(body, clearance, column, row, place, inside)
         if (inside) first(column + 1) = first(column + 1) + 1
       end do
     end do
     !$omp end parallel do
-    first(0) = 1
-    do column = 0, grid%columns
+    first(from) = 1
+    do column = from, to
       first(column + 1) = first(column) + first(column + 1)
     end do
-    allocate (x(first(grid%columns + 1) - 1), y(first(grid%columns + 1) - 1))
+    allocate (x(first(to + 1) - 1), y(first(to + 1) - 1))
     !$omp parallel do if (grid%columns > worth_sharing) schedule(dynamic) default(shared) &
     !$omp private(column, row, place, inside, k)
-    do column = 0, grid%columns
+    do column = from, to
       k = first(column)
       do row = 0, grid%rows
         call grid%kept(body, clearance, column, row, place, inside)

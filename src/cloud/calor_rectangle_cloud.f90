@@ -8,8 +8,9 @@ module calor_rectangle_cloud
   use calor_cell_area, only: find_cell_areas
   use calor_cloud, only: cloud_t
   use calor_error, only: error_t
-  use calor_kinds, only: wp
+  use calor_kinds, only: wp, ip
   use calor_rectangle_body, only: make_rectangle_body
+  use calor_slice, only: slice_t
   implicit none (type, external)
   private
 
@@ -24,7 +25,8 @@ contains
   !> are placed as in any other body.
   !> Fails with status_bad_input where the ranges, the spacing, the arrangement or the jitter make
   !> no sense, or give more particles than can be numbered or held in memory.
-  subroutine make_rectangle(x_range, y_range, spacing, arrangement, jitter, seed, cloud, error)
+  subroutine make_rectangle(x_range, y_range, spacing, arrangement, jitter, seed, cloud, error, &
+                            slice)
     !> Left and right, bottom and top edge, m
     real(wp), intent(in) :: x_range(2), y_range(2)
     !> Wanted distance of neighbours, m; fitted to the edges
@@ -39,7 +41,10 @@ contains
     type(cloud_t), intent(out) :: cloud
     !> What is wrong with the request
     type(error_t), allocatable, intent(out) :: error
+    !> Only a slice of them, without areas
+    type(slice_t), intent(in), optional :: slice
     type(body_t) :: body
+    integer(ip) :: k
 
     call make_rectangle_body(x_range, y_range, body, error)
     if (.not. allocated(error)) call check_spacing(body, spacing, error)
@@ -47,22 +52,29 @@ contains
 
     select case (arrangement)
     case ('lattice')
-      call arrange_lattice(x_range, y_range, spacing, cloud, error)
+      call arrange_lattice(x_range, y_range, spacing, cloud, error, slice)
     case ('hexagonal')
-      call arrange_hexagonal(x_range, y_range, spacing, cloud, error)
+      call arrange_hexagonal(x_range, y_range, spacing, cloud, error, slice)
     case ('jittered')
       call check_jitter(jitter, error)
       if (.not. allocated(error)) then
-        call arrange_jittered(x_range, y_range, spacing, jitter, seed, cloud, error)
+        call arrange_jittered(x_range, y_range, spacing, jitter, seed, cloud, error, slice)
       end if
     case default
-      call fill_body(body, spacing, arrangement, jitter, seed, cloud, error)
+      call fill_body(body, spacing, arrangement, jitter, seed, cloud, error, slice)
       return
     end select
     if (allocated(error)) return
     cloud%boundary = body%boundary
     cloud%spacing = spacing
     call measure_walls(body, cloud)
+    if (present(slice)) then
+      ! The columns beside it have served.
+      call cloud%reorder([(k, k=cloud%own_first, cloud%own_last)])
+      cloud%own_first = 1
+      cloud%own_last = cloud%particles()
+      return
+    end if
     call find_cell_areas(body, spacing, cloud%x, cloud%y, cloud%area)
   end subroutine make_rectangle
 

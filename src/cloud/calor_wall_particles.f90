@@ -24,7 +24,8 @@ module calor_wall_particles
     integer :: number = 0
   contains
     procedure, private :: put
-    procedure, private :: shrink
+    !> Keep some of them
+    procedure :: keep
   end type wall_particles_t
 
   !> An edge shorter than so many spacings is too short for a particle at each end
@@ -68,7 +69,7 @@ contains
       end associate
       if (allocated(error)) return
     end do
-    call walls%shrink()
+    call walls%keep(1, walls%number)
     call check_distances(body%shape, walls, spacing, error)
   end subroutine place_wall_particles
 
@@ -91,18 +92,19 @@ contains
     end associate
   end subroutine put
 
-  subroutine shrink(this)
+  subroutine keep(this, first, last)
     class(wall_particles_t), intent(inout) :: this
+    !> The first and the last to keep
+    integer, intent(in) :: first, last
 
-    associate (n => this%number)
-      this%x = this%x(:n)
-      this%y = this%y(:n)
-      this%side = this%side(:n)
-      this%normal_x = this%normal_x(:n)
-      this%normal_y = this%normal_y(:n)
-      this%length = this%length(:n)
-    end associate
-  end subroutine shrink
+    this%x = this%x(first:last)
+    this%y = this%y(first:last)
+    this%side = this%side(first:last)
+    this%normal_x = this%normal_x(first:last)
+    this%normal_y = this%normal_y(first:last)
+    this%length = this%length(first:last)
+    this%number = max(0, last - first + 1)
+  end subroutine keep
 
   !> Into how many parts a length is divided so that they come nearest to the spacing.
   pure function intervals(length, spacing) result(number)

@@ -84,7 +84,7 @@ contains
       this%places%x = medium%x
       this%places%y = medium%y
     end if
-    if (size(this%particle) == 0) then
+    if (size(this%particle) == 0 .and. .not. medium%is_part) then
       call raise(error, status_bad_input, this%place//': no particle lies where '// &
                  'where_expression says; widen it, or lower &domain spacing.')
       return
@@ -173,6 +173,8 @@ contains
     type(medium_t), intent(in) :: medium
     real(wp) :: rise
 
+    rise = 0
+    if (size(this%density%value) == 0) return
     rise = maxval(abs(this%density%value))*medium%reach()**2/medium%conductivity
   end function expected_rise
 

@@ -20,6 +20,10 @@ module calor_medium
     real(wp), allocatable :: local_capacity(:)
     !> Whether particles move
     logical :: in_motion = .false.
+    !> Whether these are a part of the particles of a body only
+    logical :: is_part = .false.
+    !> The body's extent, m, where the particles do not tell; 0: they do
+    real(wp) :: extent = 0.0_wp
     !> The time to simulate, s
     real(wp) :: duration = 0.0_wp
     !> Where it touches the world
@@ -56,7 +60,10 @@ contains
     class(medium_t), intent(in) :: this
     real(wp) :: length
 
-    length = max(maxval(this%x) - minval(this%x), maxval(this%y) - minval(this%y))
+    length = this%extent
+    if (.not. length > 0) then
+      length = max(maxval(this%x) - minval(this%x), maxval(this%y) - minval(this%y))
+    end if
     if (this%duration > 0) then
       length = min(length, sqrt(this%conductivity/this%capacity*this%duration))
     end if

@@ -438,14 +438,15 @@ contains
     !> Number of particles in `found`
     integer, intent(inout) :: used
     integer(i8) :: left
-    integer :: k
+    integer :: k, bit
 
     do k = 1, (candidates%number - 1)/bits + 1
       left = candidates%mark(k)
       do while (left /= 0)
+        bit = trailz(left)
         used = used + 1
-        found(used) = candidates%particle(bits*(k - 1) + trailz(left) + 1)
-        left = iand(left, left - 1)
+        found(used) = candidates%particle(bits*(k - 1) + bit + 1)
+        left = ibclr(left, bit)
       end do
     end do
   end subroutine append_marked

@@ -5,7 +5,7 @@ module calor_space_filling_curve
   implicit none (type, external)
   private
 
-  public :: hilbert_order
+  public :: hilbert_order, hilbert_keys, hilbert_key, sort_by_keys, curve_square_t, levels
 
   !> Levels of the curve: the finest squares have 2⁻³⁰ of the extent
   integer, parameter :: levels = 30
@@ -16,7 +16,47 @@ module calor_space_filling_curve
   !> The sort is shared out in so many blocks at most, none of them shorter than that
   integer, parameter :: most_blocks = 16, least_block = 16384
 
+  !> The square that a curve fills
+  type :: curve_square_t
+    !> Its lower left corner, m, and how many of the finest squares are in a metre
+    real(wp) :: x = 0.0_wp, y = 0.0_wp, per_length = 0.0_wp
+  contains
+    !> Make it fit
+    procedure :: enclose
+  end type curve_square_t
+
 contains
+
+  pure subroutine enclose(this, x_range, y_range)
+    class(curve_square_t), intent(inout) :: this
+    !> Lowest and highest coordinates of particles, m
+    real(wp), intent(in) :: x_range(2), y_range(2)
+
+    this%x = x_range(1)
+    this%y = y_range(1)
+    ! Squares so small that even the highest coordinates lie below 2³⁰ of them
+    this%per_length = (2.0_wp**levels - 1)/ &
+                      max(x_range(2) - x_range(1), y_range(2) - y_range(1), 1.0e-290_wp)
+  end subroutine enclose
+
+  !> Where particles lie on the curve.
+  subroutine hilbert_keys(square, x, y, key)
+    !> The square that it fills
+    type(curve_square_t), intent(in) :: square
+    !> Coordinates, m
+    real(wp), intent(in) :: x(:), y(:)
+    !> From 0 to below 2^(2 levels)
+    integer(i8), intent(out) :: key(:)
+    integer :: i
+
+    !$omp parallel do if (size(x) > worth_threads) default(none) schedule(static) &
+    !$omp shared(x, y, key, square)
+    do i = 1, size(x)
+      key(i) = hilbert_key(int((x(i) - square%x)*square%per_length, i8), &
+                           int((y(i) - square%y)*square%per_length, i8))
+    end do
+    !$omp end parallel do
+  end subroutine hilbert_keys
 
   !> The order of particles along a Hilbert curve through the square around them.
   !>
@@ -31,7 +71,7 @@ contains
     !> Permutation: the k-th particle along the curve is particle `order(k)`
     integer(ip), allocatable, intent(out) :: order(:)
     integer(i8), allocatable :: key(:)
-    real(wp) :: extent, per_length, x_low, y_low
+    type(curve_square_t) :: square
     integer :: i
 
     allocate (order(size(x)), key(size(x)))
@@ -39,21 +79,22 @@ contains
       order(i) = i
     end do
     if (size(x) < 2) return
-    x_low = minval(x)
-    y_low = minval(y)
-    extent = max(maxval(x) - x_low, maxval(y) - y_low)
-    if (.not. extent > 0) return
-    ! Squares so small that even the highest coordinates lie below 2³⁰ of them
-    per_length = (2.0_wp**levels - 1)/max(extent, 1.0e-290_wp)
-
-    !$omp parallel do if (size(x) > worth_threads) default(none) schedule(static) &
-    !$omp shared(x, y, key, x_low, y_low, per_length)
-    do i = 1, size(x)
-      key(i) = hilbert_key(int((x(i) - x_low)*per_length, i8), int((y(i) - y_low)*per_length, i8))
-    end do
-    !$omp end parallel do
+    call square%enclose([minval(x), maxval(x)], [minval(y), maxval(y)])
+    call hilbert_keys(square, x, y, key)
     call radix_sort(key, order)
   end subroutine hilbert_order
+
+  !> Sort keys, and find where each was.
+  subroutine sort_by_keys(key, order)
+    !> Keys; sorted afterwards, equal ones in the order in which they were
+    integer(i8), allocatable, intent(inout) :: key(:)
+    !> The k-th key in order was the `order(k)`-th
+    integer(ip), allocatable, intent(out) :: order(:)
+    integer :: i
+
+    order = [(int(i, ip), i=1, size(key))]
+    if (size(key) > 1) call radix_sort(key, order)
+  end subroutine sort_by_keys
 
   !> Where a square lies on the curve.
   pure function hilbert_key(column, row) result(key)

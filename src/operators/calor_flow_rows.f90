@@ -43,6 +43,8 @@ module calor_flow_rows
     type(row_quality_t) :: quality
     !> Condition of the systems solved: not reported, all entries 0
     type(row_report_t) :: report
+    !> The largest radius, m, within which neighbours were looked for
+    real(wp) :: widest = 0.0_wp
   end type flow_rows_t
 
   abstract interface
@@ -153,6 +155,7 @@ contains
       allocate (failed(0))
       do time = 0, most_times
         if (size(pending) == 0) exit
+        rows%widest = max(rows%widest, maxval(radius(particles(pending))))
         call build_neighbour_list(x, y, radius(particles(pending)), list, particles(pending))
         call trial%shape_as(list)
         allocate (good(size(pending)), large(size(pending)))

@@ -47,6 +47,8 @@ module calor_stable_rows
     integer, allocatable :: repair(:)
     !> Quality of the final rows
     type(row_quality_t) :: quality
+    !> The largest radius, m, within which neighbours were looked for
+    real(wp) :: widest = 0.0_wp
   end type row_repairs_t
 
 contains
@@ -84,10 +86,12 @@ contains
     integer :: k
 
     allocate (repairs%repair(size(targets)), source=as_written)
+    if (size(targets) > 0) repairs%widest = maxval(radius(targets))
     call find_neighbours(x, y, radius(targets), list, targets, skin_list)
     call scheme%assemble(kernel, x, y, volume, radius, list, laplacian, report)
     if (scheme%exact_degree() < 2) then
       call surround(x, y, radius, list, repairs%repair, skin_list)
+      if (size(targets) > 0) repairs%widest = maxval(radius(targets))
       if (any(repairs%repair == support_grown)) then
         call find_neighbours(x, y, radius(targets), list, targets, skin_list)
         call scheme%assemble(kernel, x, y, volume, radius, list, laplacian, report)
@@ -111,28 +115,30 @@ contains
     call collection%take([(int(k, ip), k=1, size(targets))], laplacian, report)
     repairs%repair(failed) = support_grown
     call grow(scheme, kernel, x, y, volume, radius, targets, 0, largest_residual, failed, &
-              collection, skin_list=skin_list)
+              collection, repairs%widest, skin_list=skin_list)
     if (rule%largest_stiffness < usual%largest_stiffness) then
       ! Short steps at a few particles rather than a row of another scheme
       radius(targets(failed)) = first_radius(failed)/rule%growth
       call grow(scheme, kernel, x, y, volume, radius, targets, 0, largest_residual, failed, &
-                collection, allowed_stiffness=usual%largest_stiffness, skin_list=skin_list)
+                collection, repairs%widest, allowed_stiffness=usual%largest_stiffness, &
+                skin_list=skin_list)
     end if
     replaced_rows = failed
     repairs%repair(failed) = positive_stencil
     radius(targets(failed)) = first_radius(failed)/replaced%growth
     call grow(positive, kernel, x, y, volume, radius, targets, 0, largest_residual, failed, &
-              collection, skin_list=skin_list)
+              collection, repairs%widest, skin_list=skin_list)
     radius(targets(failed)) = first_radius(failed)/replaced%growth
     call grow(positive, kernel, x, y, volume, radius, targets, 0, largest_residual, failed, &
-              collection, allowed_stiffness=most_stiffness, skin_list=skin_list)
+              collection, repairs%widest, allowed_stiffness=most_stiffness, skin_list=skin_list)
     repairs%repair(failed) = inexact_stencil
     radius(targets(failed)) = first_radius(failed)/replaced%growth
     call grow(positive_t(relaxed=.true.), kernel, x, y, volume, radius, targets, &
-              enough_neighbours, huge(1.0_wp), failed, collection, skin_list=skin_list)
+              enough_neighbours, huge(1.0_wp), failed, collection, repairs%widest, &
+              skin_list=skin_list)
     radius(targets(failed)) = first_radius(failed)/replaced%growth
     call grow(positive_t(relaxed=.true.), kernel, x, y, volume, radius, targets, &
-              enough_neighbours, huge(1.0_wp), failed, collection, &
+              enough_neighbours, huge(1.0_wp), failed, collection, repairs%widest, &
               allowed_stiffness=huge(1.0_wp), skin_list=skin_list)
     repairs%repair(failed) = no_stencil
     radius(targets(failed)) = first_radius(failed)
@@ -237,7 +243,7 @@ contains
 
   !> Grow the supports of some rows until they are good.
   subroutine grow(scheme, kernel, x, y, volume, radius, targets, fewest, allowed_residual, rows, &
-                  collection, allowed_stiffness, skin_list)
+                  collection, widest, allowed_stiffness, skin_list)
     class(laplacian_scheme_t), intent(in) :: scheme
     class(kernel_t), intent(in) :: kernel
     real(wp), intent(in) :: x(:), y(:), volume(:)
@@ -251,6 +257,8 @@ contains
     integer(ip), allocatable, intent(inout) :: rows(:)
     !> Takes every row found
     type(row_collection_t), intent(inout) :: collection
+    !> Becomes the largest radius tried, m
+    real(wp), intent(inout) :: widest
     !> … and be so stiff, if that is not the usual bound
     real(wp), intent(in), optional :: allowed_stiffness
     type(skin_list_t), intent(in), optional :: skin_list
@@ -273,6 +281,7 @@ contains
       if (size(rows) == 0) exit
       radius(targets(rows)) = rule%growth*radius(targets(rows))
       candidates = targets(rows)
+      widest = max(widest, maxval(radius(candidates)))
       call find_neighbours(x, y, radius(candidates), list, candidates, skin_list)
       call scheme%assemble(kernel, x, y, volume, radius, list, laplacian, report)
       call measure_rows(laplacian, x, y, radius, 2, quality)

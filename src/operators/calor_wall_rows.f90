@@ -43,6 +43,8 @@ module calor_wall_rows
     type(row_quality_t) :: quality
     !> Condition of the systems solved
     type(row_report_t) :: report
+    !> The largest radius, m, within which neighbours were looked for
+    real(wp) :: widest = 0.0_wp
   end type wall_rows_t
 
   !> What a row may miss of its moments, in units of the support radius
@@ -108,6 +110,7 @@ contains
       end if
       do time = 0, most_times
         if (size(pending) == 0) return
+        rows%widest = max(rows%widest, maxval(radius(particles(pending))))
         call find_neighbours(x, y, radius(particles(pending)), list, particles(pending), skin_list)
         call trial%shape_as(list)
         allocate (good(size(pending)), large(size(pending)))

@@ -23,7 +23,7 @@
 !>
 !> Every failure is an error of status `status_bad_file` with one sentence for the user.
 module calor_field_file
-  use, intrinsic :: iso_c_binding, only: c_ptr, c_loc
+  use, intrinsic :: iso_c_binding, only: c_ptr, c_loc, c_int, c_int64_t
   use, intrinsic :: iso_fortran_env, only: int8, int32
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use calor_c_text, only: to_c
@@ -35,7 +35,8 @@ module calor_field_file
   use calor_hdf5, only: start_hdf5, hdf5_silence_t, hdf5_reason, hdf5_descriptor
   use calor_kinds, only: wp, i8
   use calor_text, only: text_t, to_text
-  use hdf5, only: hid_t, hsize_t, size_t, h5kind_to_type, &
+  use hdf5, only: hid_t, hsize_t, size_t, h5kind_to_type, h5d_alloc_time_early_f, &
+                  h5d_fill_time_never_f, h5dget_offset_f, h5pset_alloc_time_f, h5pset_fill_time_f, &
                   h5_integer_kind, h5_real_kind, h5f_acc_trunc_f, h5f_close_strong_f, &
                   h5f_scope_local_f, h5p_dataset_create_f, h5p_file_access_f, &
                   h5p_file_create_f, h5p_group_create_f, h5s_scalar_f, h5s_select_set_f, &
@@ -51,7 +52,7 @@ module calor_field_file
   implicit none (type, external)
   private
 
-  public :: field_file_t, check_place
+  public :: field_file_t, check_place, stretches_t
 
   !> The tables of group `Steps` with one whole number a step, all zero but `NumberOfParts`
   character(len=*), parameter :: step_tables(*) = [character(len=21) :: &
@@ -93,6 +94,26 @@ module calor_field_file
     integer(hid_t) :: offsets = -1
   end type point_data_t
 
+  !> Where rows lie in the file, for several processes that write them beside each other: those from
+  !> start(k) on, up to before start(k + 1), are one after another from address(k) on
+  type :: stretches_t
+    !> Rows from 0, one more than there are stretches, and bytes from 0
+    integer(i8), allocatable :: start(:), address(:)
+  end type stretches_t
+
+  interface
+    function h5dget_chunk_info_by_coord(dataset, offset, filters, address, size) result(status) &
+        bind(c, name='H5Dget_chunk_info_by_coord')
+      import :: c_int64_t, c_int
+      implicit none (type, external)
+      integer(c_int64_t), intent(in), value :: dataset
+      integer(c_int64_t), intent(in) :: offset(1)
+      integer(c_int), intent(out) :: filters
+      integer(c_int64_t), intent(out) :: address, size
+      integer(c_int) :: status
+    end function h5dget_chunk_info_by_coord
+  end interface
+
   !> An output file, from `create` to `close` or `discard`
   type :: field_file_t
     private
@@ -107,6 +128,8 @@ module calor_field_file
     !> What went wrong, if a write failed: such a file is never published
     character(len=:), allocatable :: failure
     integer :: particles = 0
+    !> Whether others write what belongs to particles, into the stretches that are handed out
+    logical :: written_by_others = .false.
     !> Steps begun
     integer :: steps = 0
     !> Steps that are whole and counted in the file
@@ -133,6 +156,13 @@ module calor_field_file
   contains
     !> Begin a file with its particles
     procedure :: create
+    !> Begin a file whose particles and fields others write
+    procedure :: create_for_others
+    !> Add point data of a step, or of all, that others write
+    procedure :: place_field
+    procedure :: place_static
+    !> The name under which the file is to be found now
+    procedure :: present_path
     !> Add point data that are the same in every step
     generic :: add_static => add_static_reals, add_static_integers
     !> Begin the next step
@@ -170,7 +200,7 @@ contains
   ! ---------------------------------------------------------------------------------------------
 
   !> Begin a file with its particles. What is at `path`, if anything, stays there until `publish`.
-  subroutine create(this, path, x, y, error, moving, suffix)
+  subroutine create(this, path, x, y, error, moving, suffix, for_others)
     class(field_file_t), intent(out) :: this
     !> The name of the file; its folder must exist
     character(len=*), intent(in) :: path
@@ -182,6 +212,8 @@ contains
     logical, intent(in), optional :: moving
     !> What the file is called beside its target until it is published; without it '.partial'
     character(len=*), intent(in), optional :: suffix
+    !> Only for `create_for_others`: how many particles there are, of which nothing is written
+    integer, intent(in), optional :: for_others
     !> A place, a cell's type and its entries in two tables
     integer(i8), parameter :: bytes_per_particle = 3*8 + 1 + 2*8
     type(hdf5_silence_t) :: silence
@@ -193,6 +225,8 @@ contains
     if (present(moving)) growing = moving
     this%path = trim(path)
     this%particles = size(x)
+    this%written_by_others = present(for_others)
+    if (present(for_others)) this%particles = for_others
     allocate (this%point_data(0))
     call check_place(this%path, error)
     if (allocated(error)) return
@@ -215,15 +249,117 @@ contains
     this%is_open = status >= 0
     if (status >= 0) call hdf5_descriptor(this%file_id, this%descriptor, status)
     if (status < 0) call this%fail(hdf5_reason(), error)
-    if (.not. allocated(error)) call this%reserve(bytes_per_particle*size(x, kind=i8), error)
+    if (.not. allocated(error)) call this%reserve(bytes_per_particle*this%particles, error)
     if (.not. allocated(error)) then
       call write_frame(this, status)
-      if (status >= 0) call write_particles(this, x, y, growing, status)
+      if (status >= 0 .and. .not. this%written_by_others) then
+        call write_particles(this, x, y, growing, status)
+      end if
       if (status < 0) call this%fail(hdf5_reason(), error)
     end if
     call silence%finish()
     if (allocated(error)) call this%discard()
   end subroutine create
+
+  !> The same, but that nothing is written of the particles. Each has three reals in `points`, a
+  !> whole number of 8 bytes in `connectivity` and in `offsets`, which have one more, and a byte
+  !> in `types`.
+  subroutine create_for_others(this, path, particles, points, connectivity, offsets, types, error)
+    class(field_file_t), intent(inout) :: this
+    !> The name of the file; its folder must exist
+    character(len=*), intent(in) :: path
+    !> How many particles there are
+    integer, intent(in) :: particles
+    type(stretches_t), intent(out) :: points, connectivity, offsets, types
+    !> Why the file cannot be written
+    type(error_t), allocatable, intent(out) :: error
+    type(hdf5_silence_t) :: silence
+    real(wp) :: nowhere(0)
+    integer :: status
+
+    call this%create(path, nowhere, nowhere, error, for_others=particles)
+    if (allocated(error)) return
+    call silence%begin()
+    associate (n => int(particles, hsize_t), group => this%vtk_group)
+      call put_counts(this, status)
+      if (status >= 0) call place_dataset(group, 'Points', h5t_ieee_f64le, [3_hsize_t, n], points, &
+                                          status)
+      if (status >= 0) call place_dataset(group, 'Connectivity', h5t_std_i64le, [n], &
+                                          connectivity, status)
+      if (status >= 0) call place_dataset(group, 'Offsets', h5t_std_i64le, [n + 1], offsets, status)
+      if (status >= 0) call place_dataset(group, 'Types', h5t_std_u8le, [n], types, status)
+    end associate
+    if (status < 0) call this%fail(hdf5_reason(), error)
+    call silence%finish()
+    if (allocated(error)) call this%discard()
+  end subroutine create_for_others
+
+  !> Add point data of one number for each particle, the same in every step.
+  subroutine place_static(this, name, whole_numbers, stretches, error)
+    class(field_file_t), intent(inout) :: this
+    character(len=*), intent(in) :: name
+    !> Whether they are integers, of 4 bytes, or else reals
+    logical, intent(in) :: whole_numbers
+    type(stretches_t), intent(out) :: stretches
+    type(error_t), allocatable, intent(out) :: error
+    type(hdf5_silence_t) :: silence
+    integer(hsize_t) :: address
+    integer :: position, status
+
+    if (.not. this%ready(error)) return
+    call silence%begin()
+    call this%reserve(8_i8*this%particles, error)
+    if (.not. allocated(error)) then
+      call add_point_data(this, name, merge(holds_integers, holds_reals, whole_numbers), &
+                          components=1, static=.true., position=position, status=status)
+      if (status >= 0) call h5dget_offset_f(this%point_data(position)%dataset, address, status)
+      stretches%start = [0_i8, int(this%particles, i8)]
+      stretches%address = [int(address, i8)]
+      if (status < 0) call this%fail(hdf5_reason(), error)
+    end if
+    call silence%finish()
+  end subroutine place_static
+
+  !> Add a real for each particle and this step. Every step has to have all of its fields.
+  subroutine place_field(this, name, stretches, error)
+    class(field_file_t), intent(inout) :: this
+    character(len=*), intent(in) :: name
+    type(stretches_t), intent(out) :: stretches
+    type(error_t), allocatable, intent(out) :: error
+    type(hdf5_silence_t) :: silence
+    integer(i8), target :: start
+    integer :: position, status
+
+    if (.not. this%ready(error)) return
+    position = place_of(this%point_data, name)
+    call silence%begin()
+    call this%reserve(8_i8*(this%particles + rows_per_chunk(this%particles)), error)
+    if (.not. allocated(error)) then
+      status = 0
+      if (position == 0) call add_point_data(this, name, holds_reals, 1, static=.false., &
+                                             position=position, status=status)
+      associate (data => this%point_data(position))
+        start = data%rows
+        data%rows = start + this%particles
+        data%last_step = this%steps
+        if (status >= 0) call h5dset_extent_f(data%dataset, [int(data%rows, hsize_t)], status)
+        if (status >= 0) call find_chunks(data%dataset, start, int(this%particles, i8), &
+                                          rows_per_chunk(this%particles), stretches, status)
+        if (status >= 0) call put_rows(data%offsets, h5kind_to_type(i8, h5_integer_kind), 1, &
+                                       int(this%steps - 1, i8), 1_i8, c_loc(start), status)
+      end associate
+      if (status < 0) call this%fail(hdf5_reason(), error)
+    end if
+    call silence%finish()
+  end subroutine place_field
+
+  pure function present_path(this) result(path)
+    class(field_file_t), intent(in) :: this
+    character(len=:), allocatable :: path
+
+    path = this%temporary_path
+    if (this%is_published) path = this%target_path
+  end function present_path
 
   !> Give the file its final name, in place of any file of that name; writing goes on.
   subroutine publish(this, error)
@@ -761,23 +897,13 @@ contains
     real(wp), allocatable, target :: points(:, :)
     integer(i8), allocatable, target :: numbers(:)
     integer(int8), allocatable, target :: cells(:)
-    integer(i8), target :: count
     integer(i8) :: k, n
     integer(hid_t) :: numbers_in_memory
 
     n = size(x, kind=i8)
-    count = n
     numbers_in_memory = h5kind_to_type(i8, h5_integer_kind)
-    call put_dataset(this%vtk_group, 'NumberOfPoints', h5t_std_i64le, numbers_in_memory, &
-                     [1_hsize_t], c_loc(count), status)
+    call put_counts(this, status)
     if (status < 0) return
-    call put_dataset(this%vtk_group, 'NumberOfCells', h5t_std_i64le, numbers_in_memory, &
-                     [1_hsize_t], c_loc(count), status)
-    if (status < 0) return
-    call put_dataset(this%vtk_group, 'NumberOfConnectivityIds', h5t_std_i64le, numbers_in_memory, &
-                     [1_hsize_t], c_loc(count), status)
-    if (status < 0) return
-
     allocate (points(3, n))
     points(1, :) = x
     points(2, :) = y
@@ -811,6 +937,23 @@ contains
     call put_dataset(this%vtk_group, 'Types', h5t_std_u8le, &
                      h5kind_to_type(int8, h5_integer_kind), [int(n, hsize_t)], c_loc(cells), status)
   end subroutine write_particles
+
+  !> Write how many particles there are: as many points, cells and connections.
+  subroutine put_counts(this, status)
+    class(field_file_t), intent(in) :: this
+    integer, intent(out) :: status
+    character(len=*), parameter :: counts(3) = [character(len=23) :: 'NumberOfPoints', &
+                                                'NumberOfCells', 'NumberOfConnectivityIds']
+    integer(i8), target :: count
+    integer :: k
+
+    count = this%particles
+    do k = 1, size(counts)
+      call put_dataset(this%vtk_group, trim(counts(k)), h5t_std_i64le, &
+                       h5kind_to_type(i8, h5_integer_kind), [1_hsize_t], c_loc(count), status)
+      if (status < 0) return
+    end do
+  end subroutine put_counts
 
   !> Without a call a step has the places of the step before.
   subroutine write_places(this, x, y, error)
@@ -1015,10 +1158,12 @@ contains
       end select
       if (static) then
         call make_dataset(this%point_data_group, data%name, file_type, &
-                          [int(this%particles, hsize_t)], data%dataset, status)
+                          [int(this%particles, hsize_t)], data%dataset, status, &
+                          early=this%written_by_others)
       else
         call make_growing_dataset(this%point_data_group, data%name, file_type, components, &
-                                  rows_per_chunk(this%particles), data%dataset, status)
+                                  rows_per_chunk(this%particles), data%dataset, status, &
+                                  early=this%written_by_others)
       end if
     end associate
     if (status >= 0 .and. this%steps > 0) call make_offsets(this, position, status)
@@ -1270,7 +1415,7 @@ contains
   end subroutine make_group
 
   !> Make a dataset of fixed size, without a time stamp.
-  subroutine make_dataset(parent, name, file_type, extent, dataset, status)
+  subroutine make_dataset(parent, name, file_type, extent, dataset, status, early)
     integer(hid_t), intent(in) :: parent
     character(len=*), intent(in) :: name
     integer(hid_t), intent(in) :: file_type
@@ -1278,11 +1423,14 @@ contains
     integer(hsize_t), intent(in) :: extent(:)
     integer(hid_t), intent(out) :: dataset
     integer, intent(out) :: status
+    !> Whether it gets its place in the file at once
+    logical, intent(in), optional :: early
     integer(hid_t) :: creation, space
 
     call h5pcreate_f(h5p_dataset_create_f, creation, status)
     if (status < 0) return
     call h5pset_obj_track_times_f(creation, .false., status)
+    if (status >= 0 .and. present(early)) call place_early(creation, early, status)
     if (status < 0) return
     call h5screate_simple_f(size(extent), extent, space, status)
     if (status < 0) return
@@ -1292,6 +1440,53 @@ contains
     if (status < 0) return
     call h5pclose_f(creation, status)
   end subroutine make_dataset
+
+  !> Make a dataset that others write, in one stretch.
+  subroutine place_dataset(parent, name, file_type, extent, stretches, status)
+    integer(hid_t), intent(in) :: parent
+    character(len=*), intent(in) :: name
+    integer(hid_t), intent(in) :: file_type
+    integer(hsize_t), intent(in) :: extent(:)
+    type(stretches_t), intent(out) :: stretches
+    integer, intent(out) :: status
+    integer(hid_t) :: dataset
+    integer(hsize_t) :: address
+
+    call make_dataset(parent, name, file_type, extent, dataset, status, early=.true.)
+    if (status < 0) return
+    call h5dget_offset_f(dataset, address, status)
+    if (status < 0) return
+    stretches%start = [0_i8, int(extent(size(extent)), i8)]
+    stretches%address = [int(address, i8)]
+    call h5dclose_f(dataset, status)
+  end subroutine place_dataset
+
+  !> Where rows of a growing dataset are whose chunks have a place in the file.
+  subroutine find_chunks(dataset, start, rows, chunk_rows, stretches, status)
+    integer(hid_t), intent(in) :: dataset
+    !> Rows before the first, and how many
+    integer(i8), intent(in) :: start, rows
+    integer, intent(in) :: chunk_rows
+    type(stretches_t), intent(out) :: stretches
+    integer, intent(out) :: status
+    integer(i8) :: first, last, k
+    integer(c_int64_t) :: address, size_of
+    integer(c_int) :: filters
+
+    first = start/chunk_rows
+    last = (start + rows - 1)/chunk_rows
+    allocate (stretches%start(last - first + 2), stretches%address(last - first + 1))
+    do k = first, last
+      status = h5dget_chunk_info_by_coord(int(dataset, c_int64_t), [k*chunk_rows], filters, &
+                                          address, size_of)
+      if (status < 0) return
+      associate (from => max(start, k*chunk_rows))
+        stretches%start(k - first + 1) = from - start
+        stretches%address(k - first + 1) = address + 8*(from - k*chunk_rows)
+      end associate
+    end do
+    stretches%start(last - first + 2) = rows
+  end subroutine find_chunks
 
   !> Make a dataset and write it.
   subroutine put_dataset(parent, name, file_type, memory, extent, address, status)
@@ -1311,7 +1506,8 @@ contains
   end subroutine put_dataset
 
   !> Make an empty dataset that can take any number of rows, without a time stamp.
-  subroutine make_growing_dataset(parent, name, file_type, components, chunk_rows, dataset, status)
+  subroutine make_growing_dataset(parent, name, file_type, components, chunk_rows, dataset, &
+                                  status, early)
     integer(hid_t), intent(in) :: parent
     character(len=*), intent(in) :: name
     integer(hid_t), intent(in) :: file_type
@@ -1319,6 +1515,8 @@ contains
     integer, intent(in) :: chunk_rows
     integer(hid_t), intent(out) :: dataset
     integer, intent(out) :: status
+    !> Whether chunks get their place in the file at once
+    logical, intent(in), optional :: early
     integer(hid_t) :: creation, space
     integer(hsize_t) :: extent(2), limit(2), chunk(2)
     integer :: first
@@ -1332,6 +1530,7 @@ contains
     call h5pset_obj_track_times_f(creation, .false., status)
     if (status < 0) return
     call h5pset_chunk_f(creation, 3 - first, chunk(first:), status)
+    if (status >= 0 .and. present(early)) call place_early(creation, early, status)
     if (status < 0) return
     call h5screate_simple_f(3 - first, extent(first:), space, status, limit(first:))
     if (status < 0) return
@@ -1341,6 +1540,18 @@ contains
     if (status < 0) return
     call h5pclose_f(creation, status)
   end subroutine make_growing_dataset
+
+  !> Nothing is written there before others do.
+  subroutine place_early(creation, early, status)
+    integer(hid_t), intent(in) :: creation
+    logical, intent(in) :: early
+    integer, intent(out) :: status
+
+    status = 0
+    if (.not. early) return
+    call h5pset_alloc_time_f(creation, h5d_alloc_time_early_f, status)
+    if (status >= 0) call h5pset_fill_time_f(creation, h5d_fill_time_never_f, status)
+  end subroutine place_early
 
   !> Write rows of a growing dataset; it ends with the last of them.
   subroutine put_rows(dataset, memory, components, start, rows, address, status)

@@ -131,16 +131,22 @@ module calor_conduction
     procedure :: restore => restore_conduction
     !> What rows at held particles make of a state
     procedure :: apply_held_rows
-    procedure, private :: apply_rows
+    !> What conduction makes of temperatures
+    procedure :: apply_rows
     procedure, private :: conduct
     procedure, private :: conduct_change
     procedure, private :: linearise_conduction
     procedure, private :: add_effects
     procedure, private :: find_slope
-    procedure, private :: find_scales
+    !> The range of temperatures given or kept, and the one that a state may leave by little only
+    procedure :: find_scales
+    procedure :: allowed_range
     !> The range where temperatures may come
     procedure :: expected_range
-    procedure, private :: allowed_range
+    !> Where several processes share the particles: widen a range to that of all of them, and let
+    !> an error of one be an error of all
+    procedure :: span
+    procedure :: agree
   end type conduction_t
 
 contains
@@ -212,9 +218,9 @@ contains
     if (.not. answer) answer = this%stream%stands_for(this%laplacian)
   end function is_streamed
 
-  !> What conduction makes of temperatures
   subroutine apply_rows(this, temperature, rate)
-    class(conduction_t), intent(in) :: this
+    class(conduction_t), intent(inout) :: this
+    !> Temperatures, or potentials, of all particles
     real(wp), intent(in), contiguous :: temperature(:)
     !> Set at all particles that have a row
     real(wp), intent(inout), contiguous :: rate(:)
@@ -850,6 +856,7 @@ contains
   !> none: what is finite passes.
   subroutine allowed_range(this, low, high)
     class(conduction_t), intent(in) :: this
+    !> The range
     real(wp), intent(out) :: low, high
     real(wp) :: lowest, highest
     logical :: kept
@@ -883,6 +890,7 @@ contains
   !> The range of temperatures given or kept, and by how much effects may raise them
   subroutine find_scales(this, low, high, rise)
     class(conduction_t), intent(in) :: this
+    !> The range, and by how much effects may take temperatures beyond it, K
     real(wp), intent(out) :: low, high, rise
     real(wp) :: kept_low, kept_high
     logical :: kept
@@ -928,11 +936,32 @@ contains
         deallocate (given)
       end associate
     end do
+    call this%span(low, high)
     call this%allowed_range(any_low, any_high)
     if (any_low >= low .and. any_high <= high) return
     low = low - rise
     high = high + rise
   end subroutine expected_range
+
+  subroutine span(this, low, high)
+    class(conduction_t), intent(in) :: this
+    !> A range
+    real(wp), intent(inout) :: low, high
+
+    ! One process has all particles.
+    associate (unused => this, also => low, and => high)
+    end associate
+  end subroutine span
+
+  subroutine agree(this, error)
+    class(conduction_t), intent(in) :: this
+    !> An error or none
+    type(error_t), allocatable, intent(inout) :: error
+
+    associate (unused => this)
+      if (allocated(error)) return
+    end associate
+  end subroutine agree
 
   subroutine note_range(this, temperature)
     class(conduction_t), intent(inout) :: this

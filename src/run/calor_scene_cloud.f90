@@ -13,13 +13,14 @@ module calor_scene_cloud
   use calor_rectangle_cloud, only: make_rectangle
   use calor_scene, only: scene_t
   use calor_scene_body, only: make_scene_body
+  use calor_slice, only: slice_t
   use calor_space_filling_curve, only: hilbert_order
   use calor_text, only: to_text
   use calor_volume, only: volumes_from_kernel
   implicit none (type, external)
   private
 
-  public :: make_scene_cloud, require_neighbours, beside_scene
+  public :: make_scene_cloud, make_scene_slice, require_neighbours, beside_scene
 
 contains
 
@@ -75,6 +76,47 @@ contains
     call hilbert_order(cloud%x, cloud%y, order)
     call cloud%reorder(order)
   end subroutine make_scene_cloud
+
+  !> Make or read a slice of a cloud, as one of several processes does: in the user's order, without
+  !> areas and unchecked. The particles inside a disc, annulus or polygon, and those from a file,
+  !> are numbered as if those of no other slice came before them. The spacing of a user's cloud is
+  !> that of the scene, 0 if it gives none.
+  subroutine make_scene_slice(scene, slice, cloud, has_volume, error)
+    !> The scene, its particles not 'relaxed'
+    type(scene_t), intent(in) :: scene
+    !> Which part of how many
+    type(slice_t), intent(in) :: slice
+    !> The particles
+    type(cloud_t), intent(out) :: cloud
+    !> Whether their volumes are known
+    logical, intent(out) :: has_volume
+    !> The scene's domain is wrong
+    type(error_t), allocatable, intent(out) :: error
+    type(body_t) :: body
+    logical :: has_wall
+
+    has_volume = .true.
+    associate (domain => scene%domain)
+      if (domain%shape == 'cloud') then
+        call read_cloud_file(beside_scene(scene%path, domain%file), cloud, has_volume, has_wall, &
+                             error, slice=slice)
+        cloud%spacing = domain%spacing
+        return
+      end if
+      call make_scene_body(domain, body, error)
+      if (allocated(error)) return
+      call check_memory(body%particles_about(domain%spacing)/slice%parts, scene, error)
+      if (allocated(error)) return
+      if (domain%shape == 'rectangle') then
+        call make_rectangle(domain%x_range, domain%y_range, domain%spacing, domain%arrangement, &
+                            domain%jitter, domain%seed, cloud, error, slice)
+      else
+        call fill_body(body, domain%spacing, domain%arrangement, domain%jitter, domain%seed, &
+                       cloud, error, slice)
+      end if
+      if (allocated(error)) error%message = domain%place//': '//error%message
+    end associate
+  end subroutine make_scene_slice
 
   !> Every row of a neighbour list must have at least one neighbour.
   subroutine require_neighbours(scene, cloud, list, error)

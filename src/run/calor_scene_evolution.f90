@@ -48,6 +48,8 @@ module calor_scene_evolution
     type(row_repairs_t) :: repairs
     !> Support radius of each particle, m
     real(wp), allocatable :: radius(:)
+    !> The largest radius, m, within which neighbours were looked for
+    real(wp) :: widest = 0.0_wp
   end type scene_rows_t
 
   !> What it takes to assemble the rows of a scene, for the places where its particles are
@@ -85,8 +87,8 @@ contains
     type(method_t), intent(in) :: method
     !> The temperatures at the start; those of held particles are set
     real(wp), intent(inout) :: temperature(:)
-    !> The heat equation on the cloud
-    type(conduction_t), intent(out) :: conduction
+    !> The heat equation on the cloud, of which nothing is known yet
+    class(conduction_t), intent(inout) :: conduction
     !> What is known of its rows
     type(scene_rows_t), intent(out) :: rows
     !> The scene cannot be simulated
@@ -105,8 +107,10 @@ contains
 
     call describe_medium(scene, cloud, conduction%medium)
     call find_contacts(scene, cloud, conduction%medium%contacts, error)
-    if (allocated(error)) return
-    call hold_walls(scene, cloud, conduction%medium%contacts, conduction%prescribed, error)
+    if (.not. allocated(error)) then
+      call hold_walls(scene, cloud, conduction%medium%contacts, conduction%prescribed, error)
+    end if
+    call conduction%agree(error)
     if (allocated(error)) return
     conduction%x = cloud%x
     conduction%y = cloud%y
@@ -114,13 +118,20 @@ contains
     conduction%single_weights = scene%single_weights
     call conduction%note_range(temperature)
     call conduction%impose(0.0_wp, temperature)
-    call own%materials%prepare(scene%file, cloud, temperature, error)
+    lowest = minval(temperature)
+    highest = maxval(temperature)
+    call conduction%span(lowest, highest)
+    call own%materials%prepare(scene%file, cloud, [lowest, highest], error)
+    call conduction%agree(error)
     if (allocated(error)) return
     associate (material => scene%material)
       conduction%diffusivity = material%conductivity/(material%density*material%heat_capacity)
     end associate
     if (own%materials%in_force) then
       call own%materials%describe(conduction%medium)
+      highest = 0
+      call conduction%span(conduction%medium%capacity, highest)
+      call conduction%span(conduction%medium%conductivity, highest)
       conduction%diffusivity = 1
     end if
     own%method = method
@@ -129,6 +140,7 @@ contains
     call make_laplacian_scheme(method%laplacian, own%scheme, error, method%order)
     if (allocated(error)) return
     call own%assemble(scene, cloud, conduction, rows, error, stopwatch)
+    call conduction%agree(error)
     if (allocated(error)) return
     if (present(maker)) maker = own
 
@@ -140,11 +152,13 @@ contains
       end do
     end if
     call conduction%put_in_force(effects, temperature, error)
+    call conduction%agree(error)
     if (allocated(error)) return
     if (own%materials%in_force .or. allocated(conduction%effects)) then
       call conduction%expected_range(lowest, highest)
       call own%materials%find_content(scene%file, cloud, conduction%effects, lowest, highest, &
                                       content, error)
+      call conduction%agree(error)
       if (allocated(error)) return
       if (allocated(content)) then
         call conduction%use_content(content, temperature)
@@ -171,6 +185,8 @@ contains
     medium%conductivity = scene%material%conductivity
     medium%duration = scene%time%end
     medium%in_motion = scene%motion%in_force
+    medium%is_part = cloud%is_part
+    medium%extent = cloud%extent
   end subroutine describe_medium
 
   subroutine assemble(this, scene, cloud, conduction, rows, error, stopwatch, skin_list)
@@ -180,7 +196,7 @@ contains
     !> Its cloud, as it is now
     type(cloud_t), intent(in) :: cloud
     !> The heat equation, which gets the rows; its contacts must be known
-    type(conduction_t), intent(inout) :: conduction
+    class(conduction_t), intent(inout) :: conduction
     !> What is known of the rows
     type(scene_rows_t), intent(out) :: rows
     !> A particle has no neighbours, or walls have no normals where they are needed
@@ -193,7 +209,8 @@ contains
     integer(ip), allocatable :: free(:)
     integer :: k
 
-    free = pack([(int(k, ip), k=1, cloud%particles())], cloud%side == 0)
+    free = pack([(int(k, ip), k=1, cloud%particles())], cloud%side == 0 .and. &
+                cloud%owns([(k, k=1, cloud%particles())]))
     allocate (rows%radius(cloud%particles()), source=this%method%support*cloud%spacing)
     associate (laplacian => conduction%laplacian, scheme => this%scheme, kernel => this%kernel)
       if (scene%support_growth) then
@@ -213,12 +230,14 @@ contains
         allocate (rows%repairs%repair(size(free)), source=as_written)
       end if
     end associate
+    rows%widest = rows%repairs%widest
     if (this%materials%in_force) call convert_inner_rows(this%scheme)
     call add_wall_rows(this%scheme)
     if (allocated(error)) return
     if (this%materials%in_force) then
       call divide_by_capacity(this%materials%capacity, conduction%laplacian)
     end if
+    rows%widest = max(rows%widest, this%materials%widest)
     call conduction%stream_rows()
 
   contains
@@ -255,10 +274,12 @@ contains
           return
         end if
         aside = rows%radius
-        call rows_at(pack([(j, j=1, size(contacts%held))], contacts%held), scheme, aside, walls)
+        call rows_at(pack([(j, j=1, size(contacts%held))], contacts%held .and. &
+                          cloud%owns(contacts%particle)), scheme, aside, walls)
         conduction%held_rows = walls%laplacian
-        call rows_at(pack([(j, j=1, size(contacts%held))], .not. contacts%held), scheme, &
-                     rows%radius, walls)
+        call rows_at(pack([(j, j=1, size(contacts%held))], .not. contacts%held .and. &
+                          cloud%owns(contacts%particle)), scheme, rows%radius, walls)
+        rows%widest = max(rows%widest, walls%widest)
         if (walls%laplacian%rows() == 0) return
         call conduction%laplacian%append(walls%laplacian)
         rows%repairs%repair = [rows%repairs%repair, walls%repair]

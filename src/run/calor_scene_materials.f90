@@ -49,6 +49,8 @@ module calor_scene_materials
     real(wp), allocatable :: conductivity(:, :)
     !> Density times heat capacity, J/(m³ K)
     real(wp), allocatable :: capacity(:)
+    !> The largest radius, m, within which neighbours of a row made anew were looked for
+    real(wp) :: widest = 0.0_wp
     !> Where interfaces are
     type(material_flow_t), private :: flow
     !> Between which materials that touch the potential jumps; not allocated: there are none such
@@ -216,6 +218,7 @@ contains
       call assemble_flow_rows(this%flow, own_degree, own_rule, kernel, cloud%x, cloud%y, &
                               cloud%volume, radius, operator%target(place), own_first, &
                               normal(:, wall), rows)
+      this%widest = max(this%widest, rows%widest)
       call put_in_place(place, rows)
       slope_weight(wall) = rows%slope_weight
     end subroutine make_anew

@@ -31,9 +31,13 @@ contains
     integer, allocatable :: bits(:)
     integer :: k, bit, particle, number
 
-    call check_sides(scene%path, cloud, error)
-    if (allocated(error)) return
-    call find_covers(cloud, covers)
+    if (cloud%is_part) then
+      covers = cloud%covers
+    else
+      call check_sides(scene%path, cloud, error)
+      if (allocated(error)) return
+      call find_covers(cloud, covers)
+    end if
     bits = pack([(bit, bit=0, size(cloud%boundary) - 1)], .not. any(covers, dim=2))
     number = 0
     do k = 1, size(bits)
@@ -170,7 +174,7 @@ contains
                  ': the domain has no boundary called '''//boundary%on//'''. There are: '// &
                  names//'.')
       return
-    else if (.not. any(meant)) then
+    else if (.not. any(meant) .and. .not. cloud%is_part) then
       ! A short edge of a curve may lie between two particles
       call raise(error, status_bad_input, boundary%place//': no particle lies on '''// &
                  boundary%on//''': lower &domain spacing.')
@@ -183,7 +187,7 @@ contains
       call region%evaluate(cloud%x(contacts%particle), cloud%y(contacts%particle), 0.0_wp, &
                            values=inside)
       meant = meant .and. abs(inside) > 0
-      if (.not. any(meant)) then
+      if (.not. any(meant) .and. .not. cloud%is_part) then
         call raise(error, status_bad_input, boundary%place//': no particle of that boundary '// &
                    'lies where where_expression says; widen it, or lower &domain spacing.')
         return

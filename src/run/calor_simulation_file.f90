@@ -17,7 +17,7 @@ module calor_simulation_file
   implicit none (type, external)
   private
 
-  public :: simulation_file_t, write_origin, check_target
+  public :: simulation_file_t, write_origin, write_origin_notes, check_target
 
   !> The output of one run; where the scene names no file, every procedure does nothing
   type :: simulation_file_t
@@ -167,6 +167,20 @@ contains
     if (allocated(error)) return
     call file%add_static('wall', wall, error)
     if (allocated(error)) return
+    call write_origin_notes(file, scene, cloud%spacing, error)
+  end subroutine write_origin
+
+  !> The attributes among that.
+  subroutine write_origin_notes(file, scene, spacing, error)
+    !> A file just created
+    type(field_file_t), intent(inout) :: file
+    !> The scene
+    type(scene_t), intent(in) :: scene
+    !> Distance between neighbours, m
+    real(wp), intent(in) :: spacing
+    !> The file cannot be written
+    type(error_t), allocatable, intent(out) :: error
+
     call file%set_attribute('version', version, error)
     if (allocated(error)) return
     call file%set_attribute('scene', scene%text, error)
@@ -179,10 +193,10 @@ contains
     if (allocated(error)) return
     call file%set_attribute('gradient', scene%gradient, error)
     if (allocated(error)) return
-    call file%set_attribute('spacing', cloud%spacing, error)
+    call file%set_attribute('spacing', spacing, error)
     if (allocated(error)) return
-    call file%set_attribute('support_radius', scene%support*cloud%spacing, error)
-  end subroutine write_origin
+    call file%set_attribute('support_radius', scene%support*spacing, error)
+  end subroutine write_origin_notes
 
   subroutine write_static(this, name, values)
     class(simulation_file_t), intent(inout) :: this

@@ -1,10 +1,14 @@
 !> A system of ordinary differential equations u_t = F(t, u), some of whose unknowns are prescribed.
 !>
-!> It is all that an integrator knows of what it integrates.
+!> It is all that an integrator knows of what it integrates. Several processes may share one system,
+!> each holding some unknowns: what has to be known of all of them goes by procedures of this type.
 module calor_evolution
+  use calor_arpack, only: dnaupd, dneupd
   use calor_constants, only: worth_threads
   use calor_error, only: error_t
-  use calor_kinds, only: wp
+  use calor_kinds, only: wp, i8
+  use calor_random, only: random_uniform
+  use calor_sums, only: dot
   implicit none (type, external)
   private
 
@@ -37,6 +41,17 @@ module calor_evolution
     procedure :: is_linear
     !> Whether F or a prescribed value depends on the time
     procedure :: depends_on_time
+    !> Whether several processes share the unknowns
+    procedure :: is_shared
+    !> How many unknowns there are in all
+    procedure :: all_unknowns
+    !> Σ a_i b_i, √(Σ v_i²/n), and random numbers, over all unknowns
+    procedure :: dot => dot_of_all
+    procedure :: root_mean_square => root_mean_square_of_all
+    procedure :: scatter
+    !> One step of the Arnoldi iteration by reverse communication, and what comes of it
+    procedure :: iterate_arnoldi
+    procedure :: finish_arnoldi
   end type evolution_t
 
   abstract interface
@@ -197,5 +212,90 @@ contains
     end associate
     answer = .true.
   end function depends_on_time
+
+  pure function is_shared(this) result(answer)
+    class(evolution_t), intent(in) :: this
+    logical :: answer
+
+    associate (unused => this)
+    end associate
+    answer = .false.
+  end function is_shared
+
+  function all_unknowns(this) result(number)
+    class(evolution_t), intent(in) :: this
+    integer(i8) :: number
+
+    number = this%unknowns()
+  end function all_unknowns
+
+  function dot_of_all(this, a, b) result(total)
+    class(evolution_t), intent(in) :: this
+    !> Vectors of the size of u
+    real(wp), intent(in) :: a(:), b(:)
+    real(wp) :: total
+
+    associate (unused => this)
+    end associate
+    total = dot(a, b)
+  end function dot_of_all
+
+  !> 0 where there are no unknowns.
+  function root_mean_square_of_all(this, v) result(value)
+    class(evolution_t), intent(in) :: this
+    !> A vector of the size of u
+    real(wp), intent(in) :: v(:)
+    real(wp) :: value
+
+    value = sqrt(this%dot(v, v)/max(1_i8, this%all_unknowns()))
+  end function root_mean_square_of_all
+
+  !> Evenly distributed over [-1/2, 1/2), and 0 at prescribed entries. Each depends on the seed and
+  !> on the unknown's number among all.
+  subroutine scatter(this, seed, v)
+    class(evolution_t), intent(in) :: this
+    !> Vectors of different seeds have nothing to do with each other
+    integer, intent(in) :: seed
+    !> A vector of the size of u
+    real(wp), intent(out), contiguous :: v(:)
+    integer :: k
+
+    do k = 1, size(v)
+      v(k) = random_uniform(seed, int(k, i8)) - 0.5_wp
+    end do
+    call this%clear_prescribed(v)
+  end subroutine scatter
+
+  !> ARPACK's dnaupd for eigenvalues of largest magnitude; it explains the arguments.
+  subroutine iterate_arnoldi(this, ido, wanted, tolerance, residual, basis, iparam, ipntr, workd, &
+                             workl, info)
+    class(evolution_t), intent(in) :: this
+    integer, intent(inout) :: ido, wanted, iparam(11), ipntr(14), info
+    real(wp), intent(inout) :: tolerance
+    real(wp), intent(inout), contiguous :: residual(:), basis(:, :), workd(:), workl(:)
+
+    associate (unused => this)
+    end associate
+    call dnaupd(ido, 'I', size(residual), 'LM', wanted, tolerance, residual, size(basis, 2), &
+                basis, size(basis, 1), iparam, ipntr, workd, workl, size(workl), info)
+  end subroutine iterate_arnoldi
+
+  !> ARPACK's dneupd: eigenvalues dr + i di and their vectors.
+  subroutine finish_arnoldi(this, dr, di, vectors, wanted, tolerance, residual, basis, iparam, &
+                            ipntr, workd, workl, info)
+    class(evolution_t), intent(in) :: this
+    real(wp), intent(inout), contiguous :: dr(:), di(:), vectors(:, :)
+    integer, intent(inout) :: wanted, iparam(11), ipntr(14), info
+    real(wp), intent(inout) :: tolerance
+    real(wp), intent(inout), contiguous :: residual(:), basis(:, :), workd(:), workl(:)
+    logical :: chosen(size(basis, 2))
+    real(wp) :: workev(3*size(basis, 2))
+
+    associate (unused => this)
+    end associate
+    call dneupd(.true., 'A', chosen, dr, di, vectors, size(vectors, 1), 0.0_wp, 0.0_wp, workev, &
+                'I', size(residual), 'LM', wanted, tolerance, residual, size(basis, 2), basis, &
+                size(basis, 1), iparam, ipntr, workd, workl, size(workl), info)
+  end subroutine finish_arnoldi
 
 end module calor_evolution

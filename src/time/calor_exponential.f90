@@ -23,9 +23,7 @@ module calor_exponential
   use calor_evolution, only: evolution_t
   use calor_integrator, only: integrator_t
   use calor_kinds, only: wp, i8
-  use calor_random, only: random_uniform
   use calor_saved_state, only: saved_state_t
-  use calor_sums, only: root_mean_square
   implicit none (type, external)
   private
 
@@ -182,10 +180,7 @@ contains
 
     n = evolution%unknowns()
     allocate (polynomial(n, 2), product(n), unused(n), source=0.0_wp)
-    do k = 1, n
-      polynomial(k, 1) = random_uniform(6, int(k, i8)) - 0.5_wp
-    end do
-    call evolution%clear_prescribed(polynomial(:, 1))
+    call evolution%scatter(6, polynomial(:, 1))
     newer = 1
     older = 2
     half_way = 0
@@ -195,11 +190,11 @@ contains
                     polynomial(:, newer), polynomial(:, older), unused)
       newer = older
       older = 3 - newer
-      if (2*k == terms) half_way = root_mean_square(polynomial(:, newer))
+      if (2*k == terms) half_way = evolution%root_mean_square(polynomial(:, newer))
     end do
     roundness = 0
     if (.not. half_way > 0) return
-    roundness = 2*log(root_mean_square(polynomial(:, newer))/half_way)/terms
+    roundness = 2*log(evolution%root_mean_square(polynomial(:, newer))/half_way)/terms
     roundness = widening*roundness
     roundness = max(0.0_wp, roundness)
   end subroutine find_roundness
@@ -269,9 +264,9 @@ contains
     end if
     call evolution%rate(time, u, this%rate_start)
     this%evaluations = this%evaluations + 1
-    start_size = max(root_mean_square(this%rate_start), tiny(start_size)**0.25_wp)
+    start_size = max(evolution%root_mean_square(this%rate_start), tiny(start_size)**0.25_wp)
     accuracy = part_left*this%tolerance
-    if (.not. accuracy > 0) accuracy = least_part*root_mean_square(u)
+    if (.not. accuracy > 0) accuracy = least_part*evolution%root_mean_square(u)
     ! Rounding errors of the series set a limit.
     accuracy = max(accuracy, 10*epsilon(step)*step*start_size)
     trials = 0
@@ -346,7 +341,7 @@ contains
         newer = this%last
       end if
       if (mod(term, terms_between) > 0) cycle
-      last_size = root_mean_square(this%polynomial(:, newer))
+      last_size = evolution%root_mean_square(this%polynomial(:, newer))
       ! The terms since the last look are a measure of those to come, on the safe side.
       if (step*this%left(max(0, term - terms_between))*max(last_size, start_size) <= accuracy) exit
       sizes(term) = last_size

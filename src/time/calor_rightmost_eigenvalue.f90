@@ -11,7 +11,7 @@
 !> Math. Comput. 42 (1984) 567–588.
 module calor_rightmost_eigenvalue
   use calor_constants, only: worth_threads
-  use calor_arpack, only: dnaupd, dneupd, dgeev
+  use calor_arpack, only: dgeev
   use calor_evolution, only: evolution_t
   use calor_kinds, only: wp, i8
   use calor_random, only: random_uniform
@@ -71,9 +71,11 @@ contains
 
     allocate (free(evolution%unknowns()), source=1.0_wp)
     call evolution%clear_prescribed(free)
-    n = count(free > 0.5_wp)
-    if (n > always_dense) call arnoldi(evolution, n, spectral_radius, rightmost)
-    if (n <= largest_dense .and. .not. rightmost%converged) then
+    n = nint(evolution%dot(free, free))
+    if (n > always_dense .or. evolution%is_shared()) then
+      call arnoldi(evolution, n, spectral_radius, rightmost)
+    end if
+    if (n <= largest_dense .and. .not. (rightmost%converged .or. evolution%is_shared())) then
       rightmost = rightmost_t()
       call jacobian_spectrum(evolution, real_parts, imaginary_parts)
       if (size(real_parts) == 0) return
@@ -210,17 +212,13 @@ contains
     real(wp), intent(out) :: least, highest
     integer, parameter :: lworkl = 3*krylov_size**2 + 6*krylov_size
     real(wp), allocatable :: residual(:), basis(:, :), workd(:), vectors(:, :)
-    real(wp) :: workl(lworkl), workev(3*krylov_size), tolerance
+    real(wp) :: workl(lworkl), tolerance
     real(wp) :: dr(most_wanted + 2), di(most_wanted + 2)
-    logical :: chosen(krylov_size)
-    integer :: iparam(11), ipntr(14), ido, info, wanted, n, k
+    integer :: iparam(11), ipntr(14), ido, info, wanted, n
 
     n = evolution%unknowns()
     allocate (residual(n), basis(n, krylov_size), workd(3*n), vectors(n, most_wanted + 2))
-    do k = 1, n
-      residual(k) = random_uniform(2, int(k, i8)) - 0.5_wp
-    end do
-    call evolution%clear_prescribed(residual)
+    call evolution%scatter(2, residual)
 
     wanted = most_wanted
     tolerance = accuracy
@@ -230,11 +228,12 @@ contains
     info = 1
     iparam = 0
     iparam(1) = 1
-    iparam(3) = max(2, int(max(fewest_products, most_products*1.0e3_wp/n)/(krylov_size*degree)))
+    iparam(3) = max(2, int(max(fewest_products, most_products*1.0e3_wp/ &
+                                evolution%all_unknowns())/(krylov_size*degree)))
     iparam(7) = 1
     do
-      call dnaupd(ido, 'I', n, 'LM', wanted, tolerance, residual, krylov_size, basis, n, iparam, &
-                  ipntr, workd, workl, lworkl, info)
+      call evolution%iterate_arnoldi(ido, wanted, tolerance, residual, basis, iparam, ipntr, &
+                                     workd, workl, info)
       if (abs(ido) /= 1) exit
       call apply_polynomial(evolution, degree, centre, focus, workd(ipntr(1):ipntr(1) + n - 1), &
                             workd(ipntr(2):ipntr(2) + n - 1))
@@ -242,9 +241,8 @@ contains
     rightmost%method = 'Arnoldi iteration'
     rightmost%converged = info == 0
     if (rightmost%converged) then
-      call dneupd(.true., 'A', chosen, dr, di, vectors, n, 0.0_wp, 0.0_wp, workev, 'I', n, 'LM', &
-                  wanted, tolerance, residual, krylov_size, basis, n, iparam, ipntr, workd, workl, &
-                  lworkl, info)
+      call evolution%finish_arnoldi(dr, di, vectors, wanted, tolerance, residual, basis, iparam, &
+                                    ipntr, workd, workl, info)
       rightmost%converged = info == 0
     end if
     if (.not. rightmost%converged) then
@@ -296,14 +294,11 @@ contains
     real(wp), allocatable :: product(:)
     integer :: k
 
-    do k = 1, size(vector)
-      vector(k) = random_uniform(3, int(k, i8)) - 0.5_wp
-    end do
+    call evolution%scatter(3, vector)
     allocate (product(size(vector)))
-    call evolution%clear_prescribed(vector)
     do k = 1, 10
       call apply_polynomial(evolution, degree, centre, focus, vector, product)
-      vector = product/maxval(abs(product))
+      vector = product/evolution%root_mean_square(product)
     end do
   end subroutine settle
 
@@ -334,9 +329,9 @@ contains
       if (di(k) < 0) cycle
       call evolution%jacobian_product(a, ja)
       call evolution%jacobian_product(b, jb)
-      norm = dot(a, a) + dot(b, b)
-      growth_rate = (dot(a, ja) + dot(b, jb))/norm
-      frequency = abs(dot(a, jb) - dot(b, ja))/norm
+      norm = evolution%dot(a, a) + evolution%dot(b, b)
+      growth_rate = (evolution%dot(a, ja) + evolution%dot(b, jb))/norm
+      frequency = abs(evolution%dot(a, jb) - evolution%dot(b, ja))/norm
       highest = max(highest, frequency)
       if (growth_rate <= rightmost%growth_rate) cycle
       rightmost%growth_rate = growth_rate

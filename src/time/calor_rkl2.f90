@@ -15,10 +15,8 @@ module calor_rkl2
   use calor_evolution, only: evolution_t
   use calor_huge_pages, only: prefer_huge_pages
   use calor_integrator, only: integrator_t
-  use calor_kinds, only: wp, i8
-  use calor_random, only: random_uniform
+  use calor_kinds, only: wp
   use calor_saved_state, only: saved_state_t
-  use calor_sums, only: root_mean_square
   implicit none (type, external)
   private
 
@@ -127,12 +125,9 @@ contains
 
     n = evolution%unknowns()
     allocate (v(n), rate_start(n), work(n), stage(n, 2))
-    do k = 1, n
-      v(k) = random_uniform(5, int(k, i8)) - 0.5_wp
-    end do
-    call evolution%clear_prescribed(v)
+    call evolution%scatter(5, v)
     is_stable = .true.
-    before = root_mean_square(v)
+    before = evolution%root_mean_square(v)
     do k = 1, trial_steps
       if (.not. before > 0) return
       call evolution%jacobian_product(v, rate_start)
@@ -153,7 +148,7 @@ contains
         older = 3 - newer
       end do
       v = stage(:, newer)
-      before = root_mean_square(v)
+      before = evolution%root_mean_square(v)
       ! More than that would amplify rounding errors, whatever becomes of it later.
       if (before > 1.0e4_wp) exit
     end do
@@ -260,7 +255,7 @@ contains
     call evolution%clear_prescribed(this%rate_stage)
     third = third_coefficient(stages)
     this%error_factor = (1.0_wp/6 - third)/(1.0_wp/4 - third)
-    local_error = this%error_factor*root_mean_square(this%rate_stage)
+    local_error = this%error_factor*evolution%root_mean_square(this%rate_stage)
   end subroutine advance
 
   !> Arrays for so many unknowns, where there are none yet

@@ -4,10 +4,8 @@
 !> on irregular clouds many eigenvalues lie close to the largest one, and it falls short of that by
 !> some percent for hundreds of iterations.
 module calor_spectral_radius
-  use calor_arpack, only: dnaupd
   use calor_evolution, only: evolution_t
-  use calor_kinds, only: wp, i8
-  use calor_random, only: random_uniform
+  use calor_kinds, only: wp
   use calor_rightmost_eigenvalue, only: jacobian_spectrum
   implicit none (type, external)
   private
@@ -43,7 +41,7 @@ contains
     if (.not. upper_bound > 0) return
     allocate (free(evolution%unknowns()), source=1.0_wp)
     call evolution%clear_prescribed(free)
-    if (count(free > 0.5_wp) <= largest_dense) then
+    if (.not. evolution%is_shared() .and. count(free > 0.5_wp) <= largest_dense) then
       call jacobian_spectrum(evolution, real_parts, imaginary_parts)
       allocate (uncertainty(size(real_parts)), source=0.0_wp)
     else
@@ -76,14 +74,11 @@ contains
     real(wp), allocatable :: residual(:), basis(:, :), workd(:), magnitude(:)
     logical, allocatable :: sought(:)
     real(wp) :: workl(lworkl), tolerance
-    integer :: iparam(11), ipntr(14), ido, info, wanted, n, k
+    integer :: iparam(11), ipntr(14), ido, info, wanted, n
 
     n = evolution%unknowns()
     allocate (residual(n), basis(n, krylov_size), workd(3*n))
-    do k = 1, n
-      residual(k) = random_uniform(1, int(k, i8)) - 0.5_wp
-    end do
-    call evolution%clear_prescribed(residual)
+    call evolution%scatter(1, residual)
     wanted = 2
     tolerance = accuracy
     workl = 0
@@ -94,8 +89,8 @@ contains
     iparam(3) = most_restarts
     iparam(7) = 1
     do
-      call dnaupd(ido, 'I', n, 'LM', wanted, tolerance, residual, krylov_size, basis, n, iparam, &
-                  ipntr, workd, workl, lworkl, info)
+      call evolution%iterate_arnoldi(ido, wanted, tolerance, residual, basis, iparam, ipntr, &
+                                     workd, workl, info)
       if (abs(ido) /= 1) exit
       call evolution%jacobian_product(workd(ipntr(1):ipntr(1) + n - 1), &
                                       workd(ipntr(2):ipntr(2) + n - 1))

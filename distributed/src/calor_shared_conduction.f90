@@ -1,0 +1,376 @@
+!> Heat conduction on a cloud that several ranks share.
+!>
+!> A rank keeps its own particles and those of others within reach, in the order of the whole. Its
+!> rows are in PETSc's distributed matrix, and a product with that is all that makes its particles
+!> know of the others: all else is the library's own, at the own particles. Entries of vectors at
+!> other ranks' particles mean nothing; they are 0 in rates and in all that is summed up.
+module calor_shared_conduction
+  use calor_conduction, only: conduction_t
+  use calor_error, only: error_t
+  use calor_evolution, only: rate_in_parts, jacobian_in_parts
+  use calor_kinds, only: wp, i8
+  use calor_parpack, only: pdnaupd, pdneupd
+  use calor_random, only: random_uniform
+  use calor_ranks, only: ranks_t
+  use calor_sums, only: dot
+  use petscmat, only: tmat, tvec, add_values, insert_values, mat_copy_values, mat_final_assembly, &
+                      petsc_null_scalar, petsc_null_vec
+  ! PETSc's procedures have no interfaces of their own.
+  ! allow(C003)
+  implicit none (type)
+  private
+
+  public :: shared_conduction_t
+
+  type, extends(conduction_t) :: shared_conduction_t
+    type(ranks_t) :: ranks
+    !> The own particles among those here
+    integer :: own_first = 1, own_last = 0
+    !> Particles in all, and the number of each that is here
+    integer(i8) :: particles = 0
+    integer(i8), allocatable :: number(:)
+    !> How many particles of other ranks a product needs: each is a number that is sent
+    integer :: received = 0
+    !> The rows, 1/s; prescribed and other ranks' particles have none here
+    type(tmat) :: matrix
+    !> What is multiplied, and the product; their arrays are those of the caller
+    type(tvec) :: factor, product
+    logical, private :: loaded = .false.
+  contains
+    !> Take the own part of a cloud
+    procedure :: take_part
+    !> Put the rows into the matrix
+    procedure :: load_rows
+    !> The Jacobian times a factor, plus a multiple of 1, as a matrix
+    procedure :: make_jacobian
+    !> Give back what PETSc keeps
+    procedure :: unload
+    procedure :: apply_rows
+    procedure :: stream_rows
+    procedure :: combine_with_rate
+    procedure :: combine_with_jacobian
+    procedure :: clear_prescribed
+    procedure :: inspect
+    procedure :: is_shared
+    procedure :: all_unknowns
+    procedure :: dot => dot_of_own
+    procedure :: scatter
+    procedure :: iterate_arnoldi
+    procedure :: finish_arnoldi
+    procedure :: find_scales
+    procedure :: allowed_range
+    procedure :: span
+    procedure :: agree
+  end type shared_conduction_t
+
+contains
+
+  subroutine take_part(this, ranks, particles, number, own_first, own_last)
+    class(shared_conduction_t), intent(inout) :: this
+    type(ranks_t), intent(in) :: ranks
+    !> Particles in all, the numbers of those here, and which of these are the own ones
+    integer(i8), intent(in) :: particles
+    integer(i8), intent(in) :: number(:)
+    integer, intent(in) :: own_first, own_last
+
+    this%ranks = ranks
+    this%particles = particles
+    this%number = number
+    this%own_first = own_first
+    this%own_last = own_last
+  end subroutine take_part
+
+  !> The rows themselves are given up.
+  subroutine load_rows(this)
+    class(shared_conduction_t), intent(inout) :: this
+    integer, allocatable :: near(:), far(:), column(:)
+    real(wp), allocatable :: value(:)
+    logical, allocatable :: needed(:)
+    integer :: k, row, length, own, failed, total, first
+
+    own = this%own_last - this%own_first + 1
+    total = int(this%particles)
+    first = 0
+    if (own > 0) first = int(this%number(this%own_first)) - 1
+    associate (rows => this%laplacian)
+      allocate (near(own), source=1)
+      allocate (far(own), source=0)
+      allocate (needed(size(this%number)), source=.false.)
+      do k = 1, rows%rows()
+        associate (at => rows%target(k) - this%own_first + 1, &
+                   index => rows%index(rows%first(k):rows%first(k + 1) - 1))
+          far(at) = count(index < this%own_first .or. index > this%own_last)
+          near(at) = size(index) - far(at) + 1
+          needed(index) = .true.
+        end associate
+      end do
+      needed(this%own_first:this%own_last) = .false.
+      this%received = count(needed)
+      call matcreate(this%ranks%comm%mpi_val, this%matrix, failed)
+      call matsetsizes(this%matrix, own, own, total, total, failed)
+      call matsettype(this%matrix, 'mpiaij', failed)
+      call matmpiaijsetpreallocation(this%matrix, 0, near, 0, far, failed)
+      do k = 1, rows%rows()
+        length = int(rows%first(k + 1) - rows%first(k))
+        row = int(this%number(rows%target(k))) - 1
+        associate (index => rows%index(rows%first(k):rows%first(k + 1) - 1), &
+                   weight => rows%weight(rows%first(k):rows%first(k + 1) - 1))
+          column = [row, int(this%number(index)) - 1]
+          value = this%diffusivity*[rows%diagonal(k), weight]
+        end associate
+        call matsetvalues(this%matrix, 1, [row], length + 1, column, value, insert_values, failed)
+      end do
+      ! Every row has its diagonal, for matrices made of this one.
+      do k = 1, own
+        if (.not. any_row(k)) call matsetvalues(this%matrix, 1, [first + k - 1], 1, &
+                                                [first + k - 1], &
+                                                [0.0_wp], insert_values, failed)
+      end do
+      deallocate (rows%index, rows%weight)
+      allocate (rows%index(0), rows%weight(0))
+    end associate
+    call matassemblybegin(this%matrix, mat_final_assembly, failed)
+    call matassemblyend(this%matrix, mat_final_assembly, failed)
+    call veccreatempiwitharray(this%ranks%comm%mpi_val, 1, own, total, petsc_null_scalar, &
+                               this%factor, failed)
+    call veccreatempiwitharray(this%ranks%comm%mpi_val, 1, own, total, petsc_null_scalar, &
+                               this%product, failed)
+    this%loaded = .true.
+
+  contains
+
+    !> Whether the k-th own particle has a row
+    pure logical function any_row(k)
+      integer, intent(in) :: k
+
+      any_row = near(k) > 1 .or. far(k) > 0
+    end function any_row
+
+  end subroutine load_rows
+
+  !> The derivatives are those of the last `linearise`. Rows of prescribed entries are those of 1.
+  subroutine make_jacobian(this, factor, jacobian, shift)
+    class(shared_conduction_t), intent(inout) :: this
+    real(wp), intent(in) :: factor
+    !> To be destroyed by the caller
+    type(tmat), intent(out) :: jacobian
+    !> What is added to the diagonal; 0 without it
+    real(wp), intent(in), optional :: shift
+    type(tvec) :: numbers
+    real(wp), allocatable :: own(:), free(:)
+    integer, allocatable :: held(:)
+    integer :: failed, k, first_row
+
+    associate (first => this%own_first, last => this%own_last)
+      call matduplicate(this%matrix, mat_copy_values, jacobian, failed)
+      allocate (own(last - first + 1), source=1.0_wp)
+      call veccreatempiwitharray(this%ranks%comm%mpi_val, 1, size(own), int(this%particles), own, &
+                                 numbers, failed)
+      if (allocated(this%content)) then
+        own = this%potential_slope(first:last)
+        call matdiagonalscale(jacobian, petsc_null_vec, numbers, failed)
+      end if
+      if (allocated(this%slope)) then
+        own = this%slope(first:last)
+        if (allocated(this%content)) own = own*this%temperature_slope(first:last)
+        call matdiagonalset(jacobian, numbers, add_values, failed)
+      end if
+      call matscale(jacobian, factor, failed)
+      if (present(shift)) call matshift(jacobian, shift, failed)
+      call vecdestroy(numbers, failed)
+      allocate (free(size(this%x)), source=1.0_wp)
+      call this%clear_prescribed(free)
+      first_row = 0
+      if (last >= first) first_row = int(this%number(first)) - 1
+      held = pack([(first_row + k - first, k=first, last)], free(first:last) < 0.5_wp)
+      call matzerorows(jacobian, size(held), held, 1.0_wp, petsc_null_vec, petsc_null_vec, failed)
+    end associate
+  end subroutine make_jacobian
+
+  subroutine unload(this)
+    class(shared_conduction_t), intent(inout) :: this
+    integer :: failed
+
+    if (.not. this%loaded) return
+    call vecdestroy(this%factor, failed)
+    call vecdestroy(this%product, failed)
+    call matdestroy(this%matrix, failed)
+    this%loaded = .false.
+  end subroutine unload
+
+  subroutine apply_rows(this, temperature, rate)
+    class(shared_conduction_t), intent(inout) :: this
+    real(wp), intent(in), contiguous :: temperature(:)
+    real(wp), intent(inout), contiguous :: rate(:)
+
+    call multiply(this, temperature(this%own_first:this%own_last), &
+                  rate(this%own_first:this%own_last))
+    rate(:this%own_first - 1) = 0
+    rate(this%own_last + 1:) = 0
+  end subroutine apply_rows
+
+  subroutine multiply(this, given, found)
+    type(shared_conduction_t), intent(inout) :: this
+    real(wp), intent(in), contiguous :: given(:)
+    real(wp), intent(inout), contiguous :: found(:)
+    integer :: failed
+
+    call vecplacearray(this%factor, given, failed)
+    call vecplacearray(this%product, found, failed)
+    call matmult(this%matrix, this%factor, this%product, failed)
+    call vecresetarray(this%factor, failed)
+    call vecresetarray(this%product, failed)
+  end subroutine multiply
+
+  subroutine stream_rows(this)
+    class(shared_conduction_t), intent(inout) :: this
+
+    ! The matrix takes them.
+    associate (unused => this)
+    end associate
+  end subroutine stream_rows
+
+  subroutine combine_with_rate(this, time, c, newer, start, rate_start, older, work)
+    class(shared_conduction_t), intent(inout) :: this
+    real(wp), intent(in) :: time
+    real(wp), intent(in) :: c(5)
+    real(wp), intent(in), contiguous :: newer(:), start(:), rate_start(:)
+    real(wp), intent(inout), contiguous :: older(:)
+    real(wp), intent(inout), contiguous :: work(:)
+
+    call rate_in_parts(this, time, c, newer, start, rate_start, older, work)
+  end subroutine combine_with_rate
+
+  subroutine combine_with_jacobian(this, c, newer, older, work, start, rate_start)
+    class(shared_conduction_t), intent(inout) :: this
+    real(wp), intent(in) :: c(5)
+    real(wp), intent(in), contiguous :: newer(:)
+    real(wp), intent(inout), contiguous :: older(:)
+    real(wp), intent(inout), contiguous :: work(:)
+    real(wp), intent(in), contiguous, optional :: start(:), rate_start(:)
+
+    if (present(start) .and. present(rate_start)) then
+      call jacobian_in_parts(this, c, newer, older, work, start, rate_start)
+    else
+      call jacobian_in_parts(this, c, newer, older, work)
+    end if
+  end subroutine combine_with_jacobian
+
+  subroutine clear_prescribed(this, v)
+    class(shared_conduction_t), intent(in) :: this
+    real(wp), intent(inout), contiguous :: v(:)
+
+    call this%conduction_t%clear_prescribed(v)
+    v(:this%own_first - 1) = 0
+    v(this%own_last + 1:) = 0
+  end subroutine clear_prescribed
+
+  subroutine inspect(this, time, u, error)
+    class(shared_conduction_t), intent(inout) :: this
+    real(wp), intent(in) :: time
+    real(wp), intent(in), contiguous :: u(:)
+    type(error_t), allocatable, intent(out) :: error
+
+    call this%conduction_t%inspect(time, u, error)
+    call this%agree(error)
+  end subroutine inspect
+
+  pure function is_shared(this) result(answer)
+    class(shared_conduction_t), intent(in) :: this
+    logical :: answer
+
+    associate (unused => this)
+    end associate
+    answer = .true.
+  end function is_shared
+
+  function all_unknowns(this) result(number)
+    class(shared_conduction_t), intent(in) :: this
+    integer(i8) :: number
+
+    number = this%particles
+  end function all_unknowns
+
+  function dot_of_own(this, a, b) result(total)
+    class(shared_conduction_t), intent(in) :: this
+    real(wp), intent(in) :: a(:), b(:)
+    real(wp) :: total
+
+    total = this%ranks%total(dot(a(this%own_first:this%own_last), b(this%own_first:this%own_last)))
+  end function dot_of_own
+
+  subroutine scatter(this, seed, v)
+    class(shared_conduction_t), intent(in) :: this
+    integer, intent(in) :: seed
+    real(wp), intent(out), contiguous :: v(:)
+    integer :: k
+
+    v = 0
+    do k = this%own_first, this%own_last
+      v(k) = random_uniform(seed, this%number(k)) - 0.5_wp
+    end do
+    call this%clear_prescribed(v)
+  end subroutine scatter
+
+  subroutine iterate_arnoldi(this, ido, wanted, tolerance, residual, basis, iparam, ipntr, workd, &
+                             workl, info)
+    class(shared_conduction_t), intent(in) :: this
+    integer, intent(inout) :: ido, wanted, iparam(11), ipntr(14), info
+    real(wp), intent(inout) :: tolerance
+    real(wp), intent(inout), contiguous :: residual(:), basis(:, :), workd(:), workl(:)
+
+    call pdnaupd(this%ranks%comm%mpi_val, ido, 'I', size(residual), 'LM', wanted, tolerance, &
+                 residual, size(basis, 2), basis, size(basis, 1), iparam, ipntr, workd, workl, &
+                 size(workl), info)
+  end subroutine iterate_arnoldi
+
+  subroutine finish_arnoldi(this, dr, di, vectors, wanted, tolerance, residual, basis, iparam, &
+                            ipntr, workd, workl, info)
+    class(shared_conduction_t), intent(in) :: this
+    real(wp), intent(inout), contiguous :: dr(:), di(:), vectors(:, :)
+    integer, intent(inout) :: wanted, iparam(11), ipntr(14), info
+    real(wp), intent(inout) :: tolerance
+    real(wp), intent(inout), contiguous :: residual(:), basis(:, :), workd(:), workl(:)
+    logical :: chosen(size(basis, 2))
+    real(wp) :: workev(3*size(basis, 2))
+
+    chosen = .false.
+    call pdneupd(this%ranks%comm%mpi_val, .true., 'A', chosen, dr, di, vectors, size(vectors, 1), &
+                 0.0_wp, 0.0_wp, workev, 'I', size(residual), 'LM', wanted, tolerance, residual, &
+                 size(basis, 2), basis, size(basis, 1), iparam, ipntr, workd, workl, size(workl), &
+                 info)
+  end subroutine finish_arnoldi
+
+  subroutine find_scales(this, low, high, rise)
+    class(shared_conduction_t), intent(in) :: this
+    real(wp), intent(out) :: low, high, rise
+
+    call this%conduction_t%find_scales(low, high, rise)
+    call this%span(low, high)
+    rise = this%ranks%most(rise)
+  end subroutine find_scales
+
+  subroutine allowed_range(this, low, high)
+    class(shared_conduction_t), intent(in) :: this
+    real(wp), intent(out) :: low, high
+
+    call this%conduction_t%allowed_range(low, high)
+    call this%span(low, high)
+  end subroutine allowed_range
+
+  subroutine span(this, low, high)
+    class(shared_conduction_t), intent(in) :: this
+    real(wp), intent(inout) :: low, high
+
+    low = this%ranks%least(low)
+    high = this%ranks%most(high)
+  end subroutine span
+
+  subroutine agree(this, error)
+    class(shared_conduction_t), intent(in) :: this
+    type(error_t), allocatable, intent(inout) :: error
+
+    call this%ranks%agree(error)
+  end subroutine agree
+
+end module calor_shared_conduction

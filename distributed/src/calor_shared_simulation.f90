@@ -1,0 +1,497 @@
+!> The heat driver on several ranks: a scene becomes a cloud that they share, the cloud a
+!> distributed operator, and the library's integrators step that in time.
+module calor_shared_simulation
+  use calor_error, only: error_t, raise, status_bad_input, status_bad_numbers
+  use calor_expression, only: expression_t, compile_expression
+  use calor_integrators, only: make_integrator
+  use calor_kinds, only: wp, i8
+  use calor_method_choice, only: method_choice_t, problem_t, foresee_costs
+  use calor_ranks, only: ranks_t
+  use calor_rightmost_eigenvalue, only: rightmost_t, find_rightmost
+  use calor_scene, only: scene_t
+  use calor_scene_evolution, only: make_scene_evolution, scene_method, scene_rows_t
+  use calor_scene_values, only: field_values
+  use calor_shared_cloud, only: shared_cloud_t
+  use calor_shared_conduction, only: shared_conduction_t
+  use calor_shared_implicit, only: implicit_stepper_t
+  use calor_shared_steady_state, only: find_shared_steady_state
+  use calor_shared_support, only: refuse_unsupported
+  use calor_simulation_file, only: check_target
+  use calor_spectral_radius, only: estimate_spectral_radius
+  use calor_stable_rows, only: inexact_stencil
+  use calor_stepper, only: stepper_t
+  use calor_stopwatch, only: stopwatch_t
+  use calor_text, only: to_text
+  implicit none (type, external)
+  private
+
+  public :: shared_simulation_t
+
+  !> As in the driver of one process
+  real(wp), parameter :: safe_part = 0.9_wp, default_tolerance = 1.0e-6_wp, rounding = 1.0e-11_wp, &
+                         most_euler_steps = 1.0e15_wp
+
+  !> A scene at work on several ranks
+  type :: shared_simulation_t
+    type(ranks_t) :: ranks
+    type(scene_t) :: scene
+    type(shared_cloud_t) :: particles
+    type(shared_conduction_t) :: conduction
+    !> What is known of the rows; their weights are in the conduction's matrix
+    type(scene_rows_t) :: rows
+    !> Neighbours of the rows of all ranks together, and the fewest and most of any
+    integer(i8) :: all_rows = 0, all_entries = 0
+    integer :: fewest_neighbours = 0, most_neighbours = 0
+    type(rightmost_t) :: rightmost
+    type(stepper_t) :: stepper
+    !> PETSc's, where steps are implicit
+    type(implicit_stepper_t) :: implicit
+    logical :: is_implicit = .false.
+    character(len=:), allocatable :: method
+    type(method_choice_t), allocatable :: choice
+    real(wp) :: stability_limit = 0.0_wp
+    !> Newton steps that the steady temperature took
+    integer :: newton_steps = 0
+    !> Time, s, and temperatures of the particles here; those of other ranks mean nothing
+    real(wp) :: time = 0.0_wp
+    real(wp), allocatable :: temperature(:)
+    !> The unknowns, where they are not the temperatures
+    real(wp), allocatable :: content(:)
+    type(expression_t) :: exact
+    type(stopwatch_t) :: stopwatch
+  contains
+    !> Make everything ready for the first step
+    procedure :: prepare
+    !> Whether the rows and their spectrum allow a run
+    procedure :: certify
+    !> Step to a time
+    procedure :: advance_to
+    !> Find the steady temperature
+    procedure :: settle
+    !> How much of each particle is liquid; empty where nothing melts
+    procedure :: liquid_fraction
+    !> How many states are written after the first, and the time of one
+    procedure :: states_after_start
+    procedure :: time_of
+    !> ‖u - u_exact‖ / ‖u_exact‖ over the body
+    procedure :: relative_l2_error
+    !> Lowest and highest temperature
+    procedure :: temperature_range
+    !> Give back what PETSc keeps
+    procedure :: finish
+    procedure, private :: make_evolution
+    procedure, private :: start_temperature
+    procedure, private :: find_limits
+    procedure, private :: find_growth
+    procedure, private :: choose_steps
+    procedure, private :: choose_method
+    procedure, private :: check_implicit
+    procedure, private :: state
+  end type shared_simulation_t
+
+contains
+
+  subroutine prepare(this, ranks, scene, error)
+    class(shared_simulation_t), intent(inout) :: this
+    type(ranks_t), intent(in) :: ranks
+    type(scene_t), intent(in) :: scene
+    !> The scene cannot be simulated; on all ranks the same
+    type(error_t), allocatable, intent(out) :: error
+
+    this%ranks = ranks
+    this%scene = scene
+    call refuse_unsupported(scene, error)
+    if (.not. allocated(error)) call check_target(scene%output%file, scene%output%place, scene, &
+                                                  error)
+    call ranks%agree(error)
+    if (allocated(error)) return
+    call this%stopwatch%start('cloud')
+    call this%particles%make(ranks, scene, error)
+    if (allocated(error)) return
+    call this%make_evolution(error)
+    if (allocated(error)) return
+    if (scene%time%steady) then
+      call this%conduction%load_rows()
+    else
+      call this%stopwatch%start('step control')
+      call this%find_limits(error)
+      if (allocated(error)) return
+      call this%stopwatch%start('stability')
+      call this%find_growth()
+      call this%stopwatch%start('step control')
+      call this%choose_steps(error)
+      if (allocated(error)) return
+    end if
+    call this%stopwatch%stop()
+  end subroutine prepare
+
+  !> Rows that had to look beyond what is here are made again with more.
+  subroutine make_evolution(this, error)
+    class(shared_simulation_t), intent(inout) :: this
+    type(error_t), allocatable, intent(out) :: error
+    type(shared_conduction_t), allocatable :: conduction
+    integer, allocatable :: neighbours(:)
+    logical :: done
+
+    done = .false.
+    do while (.not. done)
+      if (allocated(conduction)) deallocate (conduction)
+      allocate (conduction)
+      associate (cloud => this%particles%cloud)
+        call conduction%take_part(this%ranks, this%particles%bands%particles, &
+                                  this%particles%number, cloud%own_first, cloud%own_last)
+        call this%start_temperature(error)
+        if (allocated(error)) return
+        call make_scene_evolution(this%scene, cloud, scene_method(this%scene), &
+                                  this%temperature, conduction, this%rows, error, this%stopwatch)
+        if (allocated(error)) return
+      end associate
+      call this%particles%extend(this%ranks, this%scene, this%rows%widest, done, error)
+      if (allocated(error)) return
+    end do
+    ! What these add to products with the rows needs the temperatures of other ranks' particles.
+    if (this%ranks%any_of(allocated(conduction%jumps) .or. allocated(conduction%local))) then
+      call raise(error, status_bad_input, this%scene%path//': calor-mpi does not support '// &
+                 'materials in contact that depend on T by unlike factors, nor conductivities '// &
+                 'that are no product of a function of x and y and one of T; run the scene by '// &
+                 'calor.')
+      return
+    end if
+    this%conduction = conduction
+    associate (rows => this%conduction%laplacian)
+      neighbours = int(rows%first(2:) - rows%first(:rows%rows()))
+      this%all_rows = this%ranks%total(int(rows%rows(), i8))
+      this%all_entries = this%ranks%total(size(rows%index, kind=i8))
+      this%fewest_neighbours = int(this%ranks%least(1.0_wp*minval(neighbours)))
+      this%most_neighbours = int(this%ranks%most(1.0_wp*max(0, maxval(neighbours))))
+    end associate
+    if (allocated(this%conduction%content)) then
+      allocate (this%content(size(this%temperature)))
+      call this%conduction%find_state(this%temperature, this%content)
+    end if
+  end subroutine make_evolution
+
+  subroutine start_temperature(this, error)
+    class(shared_simulation_t), intent(inout) :: this
+    type(error_t), allocatable, intent(out) :: error
+    real(wp), allocatable :: exact(:)
+
+    associate (scene => this%scene, cloud => this%particles%cloud)
+      if (allocated(this%temperature)) deallocate (this%temperature)
+      allocate (this%temperature(cloud%particles()), source=scene%initial_temperature)
+      if (scene%initial_expression /= '') then
+        call field_values(scene%initial_expression, scene%path//': &initial', cloud, &
+                          this%temperature, error)
+      end if
+      if (scene%exact_expression /= '' .and. .not. allocated(error)) then
+        call compile_expression(scene%exact_expression, this%exact, error)
+        if (.not. allocated(error)) then
+          call field_values(scene%exact_expression, scene%path//': &scene', cloud, exact, error)
+        end if
+      end if
+    end associate
+    call this%ranks%agree(error)
+  end subroutine start_temperature
+
+  !> The spectral radius, which limits steps. The rows go into the matrix, and no place else.
+  subroutine find_limits(this, error)
+    class(shared_simulation_t), intent(inout) :: this
+    type(error_t), allocatable, intent(out) :: error
+    real(wp) :: bound
+
+    associate (time => this%scene%time, stepper => this%stepper)
+      bound = this%ranks%most(this%conduction%spectral_bound())
+      if (bound > most_euler_steps/time%end) then
+        call raise(error, status_bad_input, time%place//': end = '//to_text(time%end)// &
+                   ' s cannot be stepped to: heat crosses a particle spacing in about '// &
+                   to_text(1/bound, digits=2)//' s. Lower end, or look at &material.')
+        return
+      end if
+      this%rightmost%growth_rate = this%ranks%most(this%conduction%laplacian%gershgorin_right_end())
+      call this%conduction%load_rows()
+      stepper%spectral_radius = estimate_spectral_radius(this%conduction, bound)
+      stepper%spectral_radius = max(stepper%spectral_radius, 1.0e-6_wp/time%end)
+    end associate
+  end subroutine find_limits
+
+  !> Whether conduction has a mode that grows; no search is needed where no weight is negative.
+  subroutine find_growth(this)
+    class(shared_simulation_t), intent(inout) :: this
+    real(wp), allocatable :: slope(:)
+
+    if (this%rightmost%growth_rate > 0) then
+      call move_alloc(this%conduction%slope, slope)
+      call find_rightmost(this%conduction, this%stepper%spectral_radius, this%rightmost)
+      call move_alloc(slope, this%conduction%slope)
+    else
+      this%rightmost = rightmost_t(converged=.true., method='no weight is negative')
+    end if
+    associate (rate => this%rightmost%growth_rate)
+      if (rate > 0 .and. rate <= rounding*this%stepper%spectral_radius) rate = 0
+    end associate
+    if (this%rightmost%converged .and. this%rightmost%growth_rate <= 0) then
+      this%conduction%suspicion = 'The scheme has no unstable eigenvalue on this cloud, so the '// &
+                                  'step is too long: take a smaller &time step or tolerance.'
+    end if
+  end subroutine find_growth
+
+  !> Choose the integrator and its steps as one process would.
+  subroutine choose_steps(this, error)
+    class(shared_simulation_t), intent(inout) :: this
+    type(error_t), allocatable, intent(out) :: error
+    real(wp) :: scale, step, tolerance
+
+    associate (time => this%scene%time, stepper => this%stepper)
+      this%method = time%method
+      if (this%method == 'auto') this%method = 'rkl2'
+      call make_integrator(this%method, stepper%integrator, error)
+      if (allocated(error)) return
+      scale = this%conduction%temperature_scale()
+      tolerance = default_tolerance*scale
+      if (time%tolerance > 0) tolerance = time%tolerance*scale
+      if (time%method == 'auto' .and. .not. time%step > 0) then
+        call this%choose_method(tolerance, error)
+        if (allocated(error)) return
+      end if
+      if (this%method == 'exponential' .and. (this%conduction%depends_on_time() .or. &
+                                              .not. this%conduction%is_linear())) then
+        call raise(error, status_bad_input, time%place//': method = ''exponential'' integrates '// &
+                   'linear problems that do not change with time, and in this scene a wall or '// &
+                   'effect depends on the time, or on the temperature not linearly: take '// &
+                   '''auto'' or ''rkl2''.')
+        return
+      end if
+      this%is_implicit = this%method == 'tr_bdf2'
+      if (this%is_implicit) then
+        call this%check_implicit(error)
+        if (allocated(error)) return
+        this%method = 'bdf'
+        call make_integrator('rkl2', stepper%integrator, error)
+      end if
+      this%stability_limit = stepper%integrator%longest_stable_step(stepper%spectral_radius)
+      if (time%step > 0) then
+        step = time%step
+        call stepper%integrator%shorten_step(this%conduction, stepper%spectral_radius, step)
+        if (step < time%step) this%stability_limit = min(this%stability_limit, step)
+        if (time%step > this%stability_limit) then
+          call raise(error, status_bad_input, time%place//': step = '//to_text(time%step)// &
+                     ' s is beyond the stability limit of '//time%method//' on this cloud, '// &
+                     to_text(this%stability_limit, digits=4)//' s: take a smaller step, or '// &
+                     'leave step out and let the program choose.')
+          return
+        end if
+        stepper%longest_step = time%step
+      else if (stepper%integrator%estimates_error()) then
+        stepper%longest_step = this%stability_limit
+        stepper%tolerance = tolerance
+        call stepper%propose_first(this%conduction, 0.0_wp, this%state())
+      else
+        if (time%tolerance > 0) then
+          call raise(error, status_bad_input, time%place//': tolerance: '//trim(time%method)// &
+                     ' does not estimate its error. Leave tolerance out, or take method = '// &
+                     '''auto'', ''rkl2'' or ''exponential''.')
+          return
+        end if
+        stepper%longest_step = safe_part*this%stability_limit
+      end if
+      if (stepper%longest_step < time%end/huge(1)) then
+        call raise(error, status_bad_input, time%place//': steps of at most '// &
+                   to_text(stepper%longest_step, digits=3)//' s to end = '//to_text(time%end)// &
+                   ' s would be more than can be counted: lower end.')
+      end if
+    end associate
+  end subroutine choose_steps
+
+  !> What implicit steps are for.
+  subroutine check_implicit(this, error)
+    class(shared_simulation_t), intent(in) :: this
+    type(error_t), allocatable, intent(out) :: error
+
+    associate (time => this%scene%time)
+      if (allocated(this%conduction%content)) then
+        call raise(error, status_bad_input, time%place//': method = ''tr_bdf2'' does not take '// &
+                   'latent heat or materials that depend on the temperature: take ''auto'' or '// &
+                   '''rkl2''.')
+      else if (time%step > 0) then
+        call raise(error, status_bad_input, time%place//': calor-mpi does not support implicit '// &
+                   'steps of a given length: leave step out, or take method = ''rkl2''.')
+      end if
+    end associate
+  end subroutine check_implicit
+
+  !> Of the explicit methods the cheaper one.
+  subroutine choose_method(this, tolerance, error)
+    class(shared_simulation_t), intent(inout) :: this
+    !> Error that a step may make, K
+    real(wp), intent(in) :: tolerance
+    type(error_t), allocatable, intent(out) :: error
+    type(problem_t) :: problem
+    type(stepper_t) :: stepper
+    real(wp), allocatable :: rate(:)
+
+    problem%linear = this%conduction%is_linear() .and. .not. this%conduction%depends_on_time()
+    if (.not. problem%linear) return
+    stepper = this%stepper
+    stepper%tolerance = tolerance
+    stepper%longest_step = stepper%integrator%longest_stable_step(stepper%spectral_radius)
+    problem%rows = real(this%all_rows, wp)
+    problem%entries = real(this%all_entries, wp)
+    problem%spectral_radius = stepper%spectral_radius
+    problem%duration = this%scene%time%end
+    problem%parts = this%states_after_start()
+    problem%tolerance = tolerance
+    problem%implicit = .false.
+    problem%slowest = max(0.0_wp, -this%rightmost%growth_rate)
+    allocate (rate(size(this%temperature)))
+    call this%conduction%rate(0.0_wp, this%temperature, rate)
+    problem%scale = max(tiny(1.0_wp)**0.25_wp, problem%duration* &
+                        this%conduction%root_mean_square(rate))
+    allocate (this%choice)
+    call foresee_costs(problem, this%conduction, stepper, this%state(), this%choice)
+    this%method = this%choice%method
+    call make_integrator(this%method, this%stepper%integrator, error)
+  end subroutine choose_method
+
+  subroutine certify(this, error)
+    class(shared_simulation_t), intent(in) :: this
+    !> Why a run would not be stable
+    type(error_t), allocatable, intent(out) :: error
+    integer(i8) :: inexact
+
+    inexact = this%ranks%total(int(count(this%rows%repairs%repair >= inexact_stencil), i8))
+    if (inexact > 0 .and. .not. this%scene%allow_inexact_rows) then
+      call raise(error, status_bad_numbers, to_text(int(inexact))//' particles have neighbours '// &
+                 'that admit no stable row exact for quadratic fields: they lie on one side, '// &
+                 'in '// &
+                 'line, or much nearer to it than to each other.'//new_line('a')// &
+                 'Move or add particles there, or set &scheme allow_inexact_rows = .true. to '// &
+                 'use the best stable row.')
+    else if (this%rightmost%growth_rate > 0 .and. .not. this%scene%allow_unstable) then
+      call raise(error, status_bad_numbers, 'The scheme '//this%scene%laplacian// &
+                 ' is unstable on this cloud: an eigenvalue has the real part +'// &
+                 to_text(this%rightmost%growth_rate, digits=3)//' 1/s, so errors grow by a '// &
+                 'factor of e every '//to_text(1/this%rightmost%growth_rate, digits=3)//' s.'// &
+                 new_line('a')//'Take &scheme laplacian = ''fatehi_manzari'' or ''positive'' '// &
+                 'with support_growth = .true., or allow_unstable = .true. to run it all the same.')
+    end if
+  end subroutine certify
+
+  subroutine advance_to(this, time, error)
+    class(shared_simulation_t), intent(inout), target :: this
+    !> Time to reach, s
+    real(wp), intent(in) :: time
+    !> The numbers went wrong; time and temperature are those of the last good state
+    type(error_t), allocatable, intent(out) :: error
+
+    call this%stopwatch%start('steps')
+    if (this%is_implicit) then
+      call this%implicit%advance_to(this%conduction, this%time, time, this%stepper%tolerance, &
+                                    this%stepper%first_proposal(), this%temperature, error)
+      this%stepper%steps = this%implicit%steps
+    else if (allocated(this%content)) then
+      call this%stepper%advance_to(this%conduction, this%time, time, this%content, error)
+      call this%conduction%find_temperature(this%content, this%temperature)
+    else
+      call this%stepper%advance_to(this%conduction, this%time, time, this%temperature, error)
+    end if
+    call this%stopwatch%stop()
+  end subroutine advance_to
+
+  subroutine settle(this, error)
+    class(shared_simulation_t), intent(inout) :: this
+    !> There is none, or it was not found
+    type(error_t), allocatable, intent(out) :: error
+    real(wp) :: tolerance
+
+    call this%stopwatch%start('steady state')
+    if (allocated(this%conduction%content)) this%conduction%content%steady = .true.
+    tolerance = default_tolerance
+    if (this%scene%time%tolerance > 0) tolerance = this%scene%time%tolerance
+    call find_shared_steady_state(this%conduction, this%scene%time%place, &
+                                  tolerance*this%conduction%temperature_scale(), &
+                                  this%temperature, this%newton_steps, error)
+    if (allocated(this%conduction%content)) this%conduction%content%steady = .false.
+    call this%stopwatch%stop()
+    if (allocated(error)) return
+    if (allocated(this%content)) call this%conduction%find_state(this%temperature, this%content)
+  end subroutine settle
+
+  function liquid_fraction(this) result(fraction)
+    class(shared_simulation_t), intent(in) :: this
+    real(wp), allocatable :: fraction(:)
+
+    if (allocated(this%content)) then
+      allocate (fraction(size(this%content)))
+      call this%conduction%find_liquid_fraction(this%content, fraction)
+    else
+      allocate (fraction(0))
+    end if
+  end function liquid_fraction
+
+  pure function states_after_start(this) result(states)
+    class(shared_simulation_t), intent(in) :: this
+    integer :: states
+
+    states = 1
+    if (this%scene%time%steady) states = 0
+    if (this%scene%output%every > 0) then
+      states = max(1, ceiling(this%scene%time%end/this%scene%output%every*(1 - 1.0e-12_wp)))
+    end if
+  end function states_after_start
+
+  pure function time_of(this, state) result(time)
+    class(shared_simulation_t), intent(in) :: this
+    !> Which state after the first
+    integer, intent(in) :: state
+    real(wp) :: time
+
+    time = this%scene%time%end
+    if (state < this%states_after_start()) time = state*this%scene%output%every
+  end function time_of
+
+  !> The unknowns: heat contents where they are kept, temperatures elsewhere.
+  pure function state(this)
+    class(shared_simulation_t), intent(in) :: this
+    real(wp), allocatable :: state(:)
+
+    if (allocated(this%content)) then
+      state = this%content
+    else
+      state = this%temperature
+    end if
+  end function state
+
+  function relative_l2_error(this) result(deviation)
+    class(shared_simulation_t), intent(in) :: this
+    real(wp) :: deviation
+    real(wp), allocatable :: exact(:)
+    real(wp) :: norm
+
+    associate (cloud => this%particles%cloud, a => this%particles%cloud%own_first, &
+               b => this%particles%cloud%own_last)
+      allocate (exact(cloud%particles()))
+      call this%exact%evaluate(cloud%x, cloud%y, this%time, values=exact)
+      norm = sqrt(this%ranks%total(sum(cloud%area(a:b)*exact(a:b)**2)))
+      deviation = sqrt(this%ranks%total(sum(cloud%area(a:b)* &
+                                            (this%temperature(a:b) - exact(a:b))**2)))
+    end associate
+    if (norm > 0) deviation = deviation/norm
+  end function relative_l2_error
+
+  function temperature_range(this) result(range)
+    class(shared_simulation_t), intent(in) :: this
+    real(wp) :: range(2)
+
+    associate (own => this%temperature(this%conduction%own_first:this%conduction%own_last))
+      range = [this%ranks%least(minval(own)), this%ranks%most(maxval(own))]
+    end associate
+  end function temperature_range
+
+  subroutine finish(this)
+    class(shared_simulation_t), intent(inout) :: this
+
+    call this%implicit%finish()
+    call this%conduction%unload()
+  end subroutine finish
+
+end module calor_shared_simulation

@@ -1,0 +1,126 @@
+!> Scenes run by calor and by calor-mpi, and how far their files differ.
+module test_runs
+  use calor_error, only: error_t
+  use calor_kinds, only: wp
+  use calor_stored_fields, only: stored_fields_t
+  use calor_text, only: to_text
+  use testdrive, only: error_type, test_failed
+  implicit none (type, external)
+  private
+
+  public :: write_scene, run_serial, run_ranks, compare_files, said, environment
+
+contains
+
+  !> Write a scene, its parts one a line.
+  subroutine write_scene(name, lines)
+    character(len=*), intent(in) :: name, lines(:)
+    integer :: unit, k
+
+    open (newunit=unit, file=name//'.nml', action='write', status='replace')
+    do k = 1, size(lines)
+      write (unit, '(a)') trim(lines(k))
+    end do
+    close (unit)
+  end subroutine write_scene
+
+  function environment(name) result(value)
+    character(len=*), intent(in) :: name
+    character(len=:), allocatable :: value
+    integer :: length
+
+    call get_environment_variable(name, length=length)
+    allocate (character(len=length) :: value)
+    if (length > 0) call get_environment_variable(name, value)
+  end function environment
+
+  subroutine run_serial(name, status)
+    character(len=*), intent(in) :: name
+    integer, intent(out) :: status
+
+    call execute_command_line(environment('CALOR_PROGRAM')//' run '//name//'.nml >'//name// &
+                              '.out 2>&1', exitstat=status)
+  end subroutine run_serial
+
+  !> Run by some ranks; what was said is in `name`.out.
+  subroutine run_ranks(name, ranks, status, options, command)
+    character(len=*), intent(in) :: name
+    integer, intent(in) :: ranks
+    integer, intent(out) :: status
+    character(len=*), intent(in), optional :: options
+    !> Instead of 'run'
+    character(len=*), intent(in), optional :: command
+    character(len=:), allocatable :: more, what
+
+    more = ''
+    if (present(options)) more = ' '//options
+    what = 'run'
+    if (present(command)) what = command
+    call execute_command_line(environment('CALOR_MPIRUN')//' -n '//to_text(ranks)//' '// &
+                              environment('CALOR_MPI_PROGRAM')//' '//what//' '//name//'.nml'// &
+                              more//' >'//name//'.out 2>&1', exitstat=status)
+  end subroutine run_ranks
+
+  !> How often a text was said.
+  function said(name, text) result(times)
+    character(len=*), intent(in) :: name, text
+    integer :: times
+    character(len=2000) :: line
+    integer :: unit, status
+
+    times = 0
+    open (newunit=unit, file=name//'.out', action='read', status='old')
+    do
+      read (unit, '(a)', iostat=status) line
+      if (status /= 0) exit
+      if (index(line, text) > 0) times = times + 1
+    end do
+    close (unit)
+  end function said
+
+  !> The largest difference of any field at any step, which may be as large as allowed.
+  subroutine compare_files(one, other, field, allowed, error)
+    character(len=*), intent(in) :: one, other, field
+    real(wp), intent(in) :: allowed
+    type(error_type), allocatable, intent(out) :: error
+    type(stored_fields_t) :: first, second
+    type(error_t), allocatable :: failure
+    real(wp), allocatable :: x(:), y(:), x_other(:), y_other(:), values(:), values_other(:)
+    real(wp) :: worst
+    integer :: step
+
+    call first%open(one, failure)
+    if (.not. allocated(failure)) call second%open(other, failure)
+    if (allocated(failure)) then
+      call test_failed(error, failure%message)
+      return
+    end if
+    if (size(first%time) /= size(second%time) .or. first%particles /= second%particles) then
+      call test_failed(error, other//': not as many particles or steps')
+      return
+    end if
+    worst = maxval(abs(first%time - second%time))
+    do step = 1, size(first%time)
+      call first%read_places(step, x, y, failure)
+      if (.not. allocated(failure)) call second%read_places(step, x_other, y_other, failure)
+      if (.not. allocated(failure)) call first%read_field(field, step, values, failure)
+      if (.not. allocated(failure)) call second%read_field(field, step, values_other, failure)
+      if (allocated(failure)) then
+        call test_failed(error, failure%message)
+        return
+      end if
+      if (any(x /= x_other) .or. any(y /= y_other)) then
+        call test_failed(error, other//': the particles are not the same')
+        return
+      end if
+      if (.not. all(abs(values - values_other) <= huge(1.0_wp))) worst = huge(1.0_wp)
+      worst = max(worst, maxval(abs(values - values_other)))
+    end do
+    call first%close()
+    call second%close()
+    if (.not. worst <= allowed) then
+      call test_failed(error, other//': '//field//' differs by '//to_text(worst, digits=3))
+    end if
+  end subroutine compare_files
+
+end module test_runs
