@@ -126,8 +126,8 @@ contains
     end do
   end subroutine test_second_signal
 
-  !> With more threads sums are added in another order: the run that goes on in the middle differs by
-  !> rounding, 1e-12 of the range of temperatures, which is 1.
+  !> With more threads sums are added in another order: the run that goes on in the middle differs
+  !> by rounding, 1e-12 of the range of temperatures, which is 1.
   subroutine test_two_threads(error)
     type(error_type), allocatable, intent(out) :: error
     type(outcome_t) :: outcome
@@ -230,8 +230,9 @@ contains
   ! Room
   ! ---------------------------------------------------------------------------------------------
 
-  !> The output may grow to three quarters of what it needs: the run ends, its file and its last checkpoint are
-  !> whole, and with more room it comes to the same end as a run that had it all the time.
+  !> The output may grow to three quarters of what it needs: the run ends, its file and its last
+  !> checkpoint are whole, and with more room it comes to the same end as a run that had it all the
+  !> time.
   subroutine test_large_output(error)
     type(error_type), allocatable, intent(out) :: error
     type(outcome_t) :: outcome
@@ -269,14 +270,15 @@ contains
                outcome)
     call expect_status(error, outcome, 4, '''out/c.h5'' could not be written')
     if (allocated(error)) return
-    call check(error, contents_of(folder//'out/c.h5') == checkpoint, 'the checkpoint is another one')
+    call check(error, &
+               contents_of(folder//'out/c.h5') == checkpoint, 'the checkpoint is another one')
     if (allocated(error)) return
     call calor('', 'run --quiet --resume s.nml', outcome)
     call expect_status(error, outcome, 0, '')
   end subroutine test_large_checkpoint
 
-  !> A disk of its own, of three quarters of the room that the files take, in a name space that goes with the
-  !> shell. It is made larger for the run that goes on.
+  !> A disk of its own, of three quarters of the room that the files take, in a name space that goes
+  !> with the shell. It is made larger for the run that goes on.
   subroutine test_full_disk(error)
     type(error_type), allocatable, intent(out) :: error
     type(outcome_t) :: outcome
