@@ -291,8 +291,8 @@ contains
                            [character(40) :: 'line 2', 'column ''x''', '''1e308'' is larger than', &
                             '1e30', 'in metres'])
     if (allocated(error)) return
-    call check_csv_trouble(error, header//'1,2,1e-70,0', &
-                           [character(40) :: 'line 2', 'column ''volume''', '''1e-70'''])
+    call check_csv_trouble(error, header//'1,2,1e-90,0', &
+                           [character(40) :: 'line 2', 'column ''volume''', '''1e-90'''])
     if (allocated(error)) return
     call check_csv_trouble(error, header//'1,2,0,0', &
                            [character(40) :: 'line 2', 'column ''volume''', 'greater than 0'])

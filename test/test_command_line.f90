@@ -415,7 +415,8 @@ contains
         case_t('&output file = ''out.vtkhdf'' every = 1e-300 /', 2, 'line 9: &output|every'), &
         case_t('&output file = ''out.vtkhdf'' fields = ''heat'' /', 2, 'line 9: &output fields'), &
         case_t('&output file = '' '' /', 2, 'line 9: &output file|blank'), &
-        case_t('&checkpoint every_seconds = -1 /', 2, 'line 11: &checkpoint every_seconds|not negative'), &
+        case_t('&checkpoint every_seconds = -1 /', &
+               2, 'line 11: &checkpoint every_seconds|not negative'), &
         case_t('&checkpoint keep = 0 /', 2, 'line 11: &checkpoint keep'), &
         case_t('&checkpoint file = ''out.vtkhdf'' /', 2, 'line 11: &checkpoint file|output'), &
         case_t('&checkpoint file = ''none/a.h5'' /', 4, 'line 11: &checkpoint|does not exist')])

@@ -39,8 +39,12 @@ contains
     character(len=*), intent(in) :: factor
     !> A key is missing or wrong, or there is another one
     type(error_t), allocatable, intent(out) :: error
+    character(len=11) :: keys(2)
 
-    call refuse_other_keys(group, [character(len=11) :: factor, 'ambient'], error)
+    ! Not a constructor: that of gfortran 12 takes the length of `factor` for all elements.
+    keys(1) = factor
+    keys(2) = 'ambient'
+    call refuse_other_keys(group, keys, error)
     if (allocated(error)) return
     call this%factor%read(group, factor, error)
     if (allocated(error)) return
