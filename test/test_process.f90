@@ -22,11 +22,12 @@ contains
   subroutine run_command(command, trace, outcome)
     character(len=*), intent(in) :: command, trace
     type(outcome_t), intent(out) :: outcome
-    integer :: ignored
+    integer :: obstacle
 
     ! That a program could not start is told by its exit status.
     call execute_command_line('('//command//') >'//trace//'.out 2>'//trace//'.err </dev/null', &
-                              exitstat=outcome%status, cmdstat=ignored)
+                              exitstat=outcome%status, cmdstat=obstacle)
+    if (obstacle /= 0 .and. outcome%status < 126) outcome%status = -1
     outcome%output = contents_of(trace//'.out')
     outcome%errors = contents_of(trace//'.err')
   end subroutine run_command

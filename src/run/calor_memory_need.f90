@@ -30,8 +30,8 @@ contains
 
   !> What a scene takes beyond that for what it asks for, measured for 40,401 particles.
   !>
-  !> A sparse factorisation grows by nested dissection, as log₂ of the number of particles times that
-  !> number (A. George, SIAM J. Numer. Anal. 10 (1973) 345).
+  !> A sparse factorisation grows by nested dissection, as log₂ of the number of particles times
+  !> that number (A. George, SIAM J. Numer. Anal. 10 (1973) 345).
   pure function further_need(scene, particles) result(bytes)
     !> The scene
     type(scene_t), intent(in) :: scene
