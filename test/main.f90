@@ -6,6 +6,7 @@ program main
   use, intrinsic :: iso_fortran_env, only: error_unit
   use calor_hdf5, only: skip_hdf5_cleanup
   use testdrive, only: run_testsuite, new_testsuite, testsuite_type, select_suite, run_selected
+  use test_adversity, only: collect_adversity
   use test_accuracy_target, only: collect_accuracy_target
   use test_consistent, only: collect_consistent
   use test_convergence_study, only: collect_convergence_study
@@ -55,6 +56,7 @@ program main
            new_testsuite('field file', collect_field_file), &
            new_testsuite('gnuplot', collect_gnuplot), &
            new_testsuite('checkpoint', collect_checkpoint), &
+           new_testsuite('adversity', collect_adversity), &
            new_testsuite('cloud file', collect_cloud_file), &
            new_testsuite('operators', collect_operators), &
            new_testsuite('row layouts', collect_row_layouts), &

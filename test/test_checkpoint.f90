@@ -14,7 +14,7 @@ module test_checkpoint
   use calor_simulation, only: simulation_t, observer_t
   use calor_text, only: to_text
   use test_command_line, only: zero_wall_times
-  use test_process, only: contents_of, environment_or, outcome_t, run_command, write_text
+  use test_process, only: contents_of, outcome_t, program_path, run_command, write_text
   use testdrive, only: new_unittest, unittest_type, error_type, check, test_failed
   implicit none (type, external)
   private
@@ -73,6 +73,9 @@ contains
                 new_unittest('tr_bdf2, not linear', test_tr_bdf2), &
                 new_unittest('exponential', test_exponential), &
                 new_unittest('melting', test_melting), &
+                new_unittest('materials with laws of their own', test_jumps), &
+                new_unittest('a conductivity by place and temperature', test_local), &
+                new_unittest('temperatures far beyond the given ones', test_beyond), &
                 new_unittest('error estimate', test_estimate), &
                 new_unittest('a body that turns', test_turning), &
                 new_unittest('particles that flow', test_flow), &
@@ -353,6 +356,59 @@ contains
     call expect_same(error, scene//estimated, 'every = 0.02', [3, 20])
   end subroutine test_melting
 
+  !> Two materials that conduct by different laws of the temperature: their potentials jump where
+  !> they touch.
+  subroutine test_jumps(error)
+    type(error_type), allocatable, intent(out) :: error
+    character(len=*), parameter :: two = &
+        '&material conductivity_expression = ''1+0.5*T'' /'//lf// &
+        '&material conductivity_expression = ''2*exp(0.3*T)'' '// &
+        'heat_capacity_expression = ''1+0.2*T'' where_expression = ''x>'
+
+    call expect_same_with_estimate(error, square//warm//held//two//'0.5'' /'//lf, 0.02_wp)
+    if (allocated(error)) return
+    call expect_same(error, disc//spot//held//two//'0'' /'//lf// &
+                     '&motion velocity_x_expression = ''-3*y'' '// &
+                     'velocity_y_expression = ''3*x'' /'//lf//'&time end = 0.05 /'//lf, &
+                     'every = 0.02', [1, 6, 13])
+  end subroutine test_jumps
+
+  subroutine test_local(error)
+    type(error_type), allocatable, intent(out) :: error
+    character(len=*), &
+        parameter :: one = '&material conductivity_expression = ''1+0.5*x*T+T^2*y^2'' /'
+
+    call expect_same_with_estimate(error, square//warm//held//one//lf, 0.02_wp)
+    if (allocated(error)) return
+    call expect_same(error, disc//spot//held//one//lf//swirl//'.false. /'//lf// &
+                     '&time end = 0.05 /'//lf, 'every = 0.02', [1, 6, 13])
+  end subroutine test_local
+
+  !> A sink cools the body far below what is given, so that tables of properties grow downwards.
+  subroutine test_beyond(error)
+    type(error_type), allocatable, intent(out) :: error
+
+    call expect_same_with_estimate(error, &
+                                   square//warm//held//'&material conductivity_expression = '// &
+                            '''1+0.3*exp(T)'' heat_capacity_expression = ''1+0.1*exp(0.5*T)'' /'// &
+                            lf//'&source power_expression = ''-70*(1+x)'' /'//lf, 0.1_wp)
+  end subroutine test_beyond
+
+  !> By rkl2, which is what such materials take, and with the error estimate beside
+  subroutine expect_same_with_estimate(error, scene, time)
+    type(error_type), allocatable, intent(out) :: error
+    !> The scene without its time and output
+    character(len=*), intent(in) :: scene
+    !> When it ends, s
+    real(wp), intent(in) :: time
+    character(len=:), allocatable :: times
+
+    times = '&time end = '//to_text(time)//' method = ''rkl2'' /'//lf
+    call expect_same(error, scene//times, 'every = '//to_text(0.4_wp*time), [2, 5])
+    if (allocated(error)) return
+    call expect_same(error, scene//times//estimated, 'every = '//to_text(0.4_wp*time), [2, 5])
+  end subroutine expect_same_with_estimate
+
   subroutine test_estimate(error)
     type(error_type), allocatable, intent(out) :: error
 
@@ -581,18 +637,6 @@ contains
   subroutine start_over()
     call execute_command_line('rm -rf '//folder//' && mkdir -p '//folder)
   end subroutine start_over
-
-  function program_path() result(path)
-    character(len=:), allocatable :: path
-    type(outcome_t) :: here
-
-    path = environment_or('CALOR_PROGRAM', 'bin/calor')
-    if (path(1:1) /= '/') then
-      call run_command('pwd', folder//'../here', here)
-      path = here%output(:len(here%output) - 1)//'/'//path
-    end if
-    path = '"'//path//'"'
-  end function program_path
 
   subroutine run_whole(text, output, failure, simulation)
     character(len=*), intent(in) :: text, output

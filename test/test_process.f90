@@ -5,7 +5,7 @@ module test_process
   private
 
   public :: outcome_t, run_command, environment_or, contents_of, write_text, number_after, &
-            line_count
+            line_count, program_path
 
   !> What a command did
   type :: outcome_t
@@ -22,9 +22,12 @@ contains
   subroutine run_command(command, trace, outcome)
     character(len=*), intent(in) :: command, trace
     type(outcome_t), intent(out) :: outcome
+    integer :: obstacle
 
+    ! That a program could not start is told by its exit status.
     call execute_command_line('('//command//') >'//trace//'.out 2>'//trace//'.err </dev/null', &
-                              exitstat=outcome%status)
+                              exitstat=outcome%status, cmdstat=obstacle)
+    if (obstacle /= 0 .and. outcome%status < 126) outcome%status = -1
     outcome%output = contents_of(trace//'.out')
     outcome%errors = contents_of(trace//'.err')
   end subroutine run_command
@@ -104,5 +107,18 @@ contains
       if (text(k:k) == new_line('a')) number = number + 1
     end do
   end function line_count
+
+  !> The program under test, in quotes, so that it is found from any folder
+  function program_path() result(path)
+    character(len=:), allocatable :: path
+    type(outcome_t) :: here
+
+    path = environment_or('CALOR_PROGRAM', 'bin/calor')
+    if (path(1:1) /= '/') then
+      call run_command('pwd', 'build/test/here', here)
+      path = here%output(:len(here%output) - 1)//'/'//path
+    end if
+    path = '"'//path//'"'
+  end function program_path
 
 end module test_process

@@ -74,10 +74,13 @@ contains
   subroutine note_signal(number) bind(c)
     integer(c_int), intent(in), value :: number
     type(c_funptr) :: old
+    integer :: k
 
     caught = number
-    ! A null pointer is SIG_DFL: the next one ends the program.
-    old = c_signal(number, c_null_funptr)
+    ! A null pointer is SIG_DFL: the next one, of either kind, ends the program.
+    do k = 1, size(signals)
+      old = c_signal(signals(k), c_null_funptr)
+    end do
   end subroutine note_signal
 
 end module calor_interrupt

@@ -1,10 +1,9 @@
 !> What a scene may say: every group and every key of the scene format.
 !>
-!> The tables below are the format. They serve the check of a scene and the help texts. Groups and
-!> keys of the format that this version cannot act upon yet are in the tables too, marked `later`:
-!> a scene that has them is refused by their name, so that nothing in a scene is silently ignored.
+!> The tables below are the format. They serve the check of a scene and the help texts. A scene that
+!> has anything else is refused by its name, so that nothing in a scene is silently ignored.
 module calor_scene_contract
-  use calor_error, only: error_t, raise, status_bad_input
+  use calor_error, only: error_t
   use calor_expression, only: expression_t
   use calor_kinds, only: wp
   use calor_scene_file, only: scene_file_t, group_t
@@ -23,7 +22,7 @@ module calor_scene_contract
   character(len=12), parameter :: type_words(*) = [character(len=12) :: 'number', 'numbers', &
       'whole number', 'true/false', 'text', 'texts', 'expression']
 
-  logical, parameter :: now = .true., later = .false., many = .true., one = .false.
+  logical, parameter :: many = .true., one = .false.
 
   !> A group of the format
   type :: group_rule_t
@@ -31,9 +30,7 @@ module calor_scene_contract
     character(len=12) :: name
     !> Whether it may stand several times
     logical :: repeatable
-    !> Whether this version can act upon it
-    logical :: available
-    !> What it is for; of a group that is not available, what this version cannot do
+    !> What it is for
     character(len=60) :: purpose
   end type group_rule_t
 
@@ -45,162 +42,146 @@ module calor_scene_contract
     character(len=32) :: name
     !> One of the types above
     integer :: type
-    !> Whether this version can act upon it
-    logical :: available
     !> What holds without it, as a scene would say it; '' if nothing does
     character(len=16) :: default
     !> What it means, with the unit
     character(len=80) :: meaning
   end type key_rule_t
 
-  !> A key of which this version can act upon some values only
-  type :: value_rule_t
-    !> The group
-    character(len=12) :: group
-    !> The key
-    character(len=16) :: key
-    !> The values that this version can act upon; '' leaves them to whoever reads the key
-    character(len=40) :: available
-    !> The other values of the format
-    character(len=40) :: later
-  end type value_rule_t
-
   type(group_rule_t), parameter :: group_rules(*) = [ &
-      group_rule_t('scene', one, now, 'what the scene is called, and its solution if known'), &
-      group_rule_t('domain', one, now, 'the body and the particles that it consists of'), &
-      group_rule_t('kernel', one, now, 'the smoothing kernel'), &
-      group_rule_t('scheme', one, now, 'how derivatives are approximated'), &
-      group_rule_t('material', many, now, 'what the body is made of'), &
-      group_rule_t('initial', one, now, 'the temperature at the beginning'), &
-      group_rule_t('boundary', many, now, 'what happens at a part of the boundary'), &
-      group_rule_t('source', many, now, 'heat set free within the body'), &
-      group_rule_t('motion', one, now, 'a velocity that carries the body and its particles'), &
-      group_rule_t('time', one, now, 'how long and in which steps'), &
-      group_rule_t('output', one, now, 'what is written, where and how often'), &
-      group_rule_t('accuracy', one, now, 'how far the run knows and bounds its own error'), &
-      group_rule_t('checkpoint', one, now, &
+      group_rule_t('scene', one, 'what the scene is called, and its solution if known'), &
+      group_rule_t('domain', one, 'the body and the particles that it consists of'), &
+      group_rule_t('kernel', one, 'the smoothing kernel'), &
+      group_rule_t('scheme', one, 'how derivatives are approximated'), &
+      group_rule_t('material', many, 'what the body is made of'), &
+      group_rule_t('initial', one, 'the temperature at the beginning'), &
+      group_rule_t('boundary', many, 'what happens at a part of the boundary'), &
+      group_rule_t('source', many, 'heat set free within the body'), &
+      group_rule_t('motion', one, 'a velocity that carries the body and its particles'), &
+      group_rule_t('time', one, 'how long and in which steps'), &
+      group_rule_t('output', one, 'what is written, where and how often'), &
+      group_rule_t('accuracy', one, 'how far the run knows and bounds its own error'), &
+      group_rule_t('checkpoint', one, &
                    'lay the state aside for calor run --resume'), &
-      group_rule_t('operators', one, now, 'a field whose derivatives are evaluated'), &
-      group_rule_t('cost', one, now, 'schemes and spacings whose accuracy and cost are compared')]
+      group_rule_t('operators', one, 'a field whose derivatives are evaluated'), &
+      group_rule_t('cost', one, 'schemes and spacings whose accuracy and cost are compared')]
 
   type(key_rule_t), parameter :: key_rules(*) = [ &
-      key_rule_t('scene', 'title', text, now, '', 'a name for people'), &
-      key_rule_t('scene', 'exact_expression', expression, now, '', 'the true temperature, K'), &
-      key_rule_t('domain', 'shape', text, now, '''rectangle''', 'the shape of the body'), &
-      key_rule_t('domain', 'x_range', numbers, now, '', 'left and right end of a rectangle, m'), &
-      key_rule_t('domain', 'y_range', numbers, now, '', 'lower and upper end of a rectangle, m'), &
-      key_rule_t('domain', 'centre', numbers, now, '0, 0', 'centre of a disc or annulus, m'), &
-      key_rule_t('domain', 'radius', number, now, '', 'radius of a disc or annulus, m'), &
-      key_rule_t('domain', 'inner_radius', number, now, '', 'inner radius of an annulus, m'), &
-      key_rule_t('domain', 'vertices', numbers, now, '', 'corners of a polygon, x and y, '// &
+      key_rule_t('scene', 'title', text, '', 'a name for people'), &
+      key_rule_t('scene', 'exact_expression', expression, '', 'the true temperature, K'), &
+      key_rule_t('domain', 'shape', text, '''rectangle''', 'the shape of the body'), &
+      key_rule_t('domain', 'x_range', numbers, '', 'left and right end of a rectangle, m'), &
+      key_rule_t('domain', 'y_range', numbers, '', 'lower and upper end of a rectangle, m'), &
+      key_rule_t('domain', 'centre', numbers, '0, 0', 'centre of a disc or annulus, m'), &
+      key_rule_t('domain', 'radius', number, '', 'radius of a disc or annulus, m'), &
+      key_rule_t('domain', 'inner_radius', number, '', 'inner radius of an annulus, m'), &
+      key_rule_t('domain', 'vertices', numbers, '', 'corners of a polygon, x and y, '// &
                  'counter-clockwise, m'), &
-      key_rule_t('domain', 'hole_vertices', numbers, now, '', 'corners of its holes, each '// &
+      key_rule_t('domain', 'hole_vertices', numbers, '', 'corners of its holes, each '// &
                  'closed by its first one, m'), &
-      key_rule_t('domain', 'file', text, now, '', 'the file of a cloud of one''s own'), &
-      key_rule_t('domain', 'spacing', number, now, '', 'distance between particles, m'), &
-      key_rule_t('domain', 'arrangement', text, now, '''lattice''', 'how particles are placed'), &
-      key_rule_t('domain', 'jitter', number, now, '0.2', 'displacement in units of spacing'), &
-      key_rule_t('domain', 'seed', whole, now, '1', 'seed of jittered or relaxed particles'), &
-      key_rule_t('kernel', 'name', text, now, '''wendland_c2''', 'the kernel'), &
-      key_rule_t('kernel', 'support', number, now, '2.1', 'support radius in units of spacing'// &
+      key_rule_t('domain', 'file', text, '', 'the file of a cloud of one''s own'), &
+      key_rule_t('domain', 'spacing', number, '', 'distance between particles, m'), &
+      key_rule_t('domain', 'arrangement', text, '''lattice''', 'how particles are placed'), &
+      key_rule_t('domain', 'jitter', number, '0.2', 'displacement in units of spacing'), &
+      key_rule_t('domain', 'seed', whole, '1', 'seed of jittered or relaxed particles'), &
+      key_rule_t('kernel', 'name', text, '''wendland_c2''', 'the kernel'), &
+      key_rule_t('kernel', 'support', number, '2.1', 'support radius in units of spacing'// &
                  ' (consistent: 1 + 0.45 order)'), &
-      key_rule_t('scheme', 'laplacian', text, now, '''fatehi_manzari''', 'second derivatives'), &
-      key_rule_t('scheme', 'gradient', text, now, '''renormalized''', 'first derivatives'), &
-      key_rule_t('scheme', 'order', whole, now, '4', 'order of the consistent schemes, 1 to 8'), &
-      key_rule_t('scheme', 'support_growth', yes_no, now, '.true.', 'repair poor rows'), &
-      key_rule_t('scheme', 'allow_inexact_rows', yes_no, now, '.false.', 'run with stable rows'// &
+      key_rule_t('scheme', 'laplacian', text, '''fatehi_manzari''', 'second derivatives'), &
+      key_rule_t('scheme', 'gradient', text, '''renormalized''', 'first derivatives'), &
+      key_rule_t('scheme', 'order', whole, '4', 'order of the consistent schemes, 1 to 8'), &
+      key_rule_t('scheme', 'support_growth', yes_no, '.true.', 'repair poor rows'), &
+      key_rule_t('scheme', 'allow_inexact_rows', yes_no, '.false.', 'run with stable rows'// &
                  ' that are not exact'), &
-      key_rule_t('scheme', 'allow_unstable', yes_no, now, '.false.', 'run an unstable scheme'), &
-      key_rule_t('scheme', 'single_weights', yes_no, now, '.false.', &
+      key_rule_t('scheme', 'allow_unstable', yes_no, '.false.', 'run an unstable scheme'), &
+      key_rule_t('scheme', 'single_weights', yes_no, '.false.', &
                  'steps with 32-bit weights: large clouds faster, errors below 1e-7 lost'), &
-      key_rule_t('material', 'conductivity', number, now, '1', 'conductivity, W/(m K)'), &
-      key_rule_t('material', 'conductivity_expression', expression, now, '', 'the same'), &
-      key_rule_t('material', 'conductivity_xx', number, now, '', 'where it is a tensor'), &
-      key_rule_t('material', 'conductivity_xx_expression', expression, now, '', 'the same'), &
-      key_rule_t('material', 'conductivity_yy', number, now, '', 'where it is a tensor'), &
-      key_rule_t('material', 'conductivity_yy_expression', expression, now, '', 'the same'), &
-      key_rule_t('material', 'conductivity_xy', number, now, '0', 'where it is a tensor'), &
-      key_rule_t('material', 'conductivity_xy_expression', expression, now, '', 'the same'), &
-      key_rule_t('material', 'density', number, now, '1', 'density, kg/m3'), &
-      key_rule_t('material', 'density_expression', expression, now, '', 'the same'), &
-      key_rule_t('material', 'heat_capacity', number, now, '1', 'heat capacity, J/(kg K)'), &
-      key_rule_t('material', 'heat_capacity_expression', expression, now, '', 'the same'), &
-      key_rule_t('material', 'latent_heat', number, now, '', 'heat that melting takes, J/kg'), &
-      key_rule_t('material', 'solidus', number, now, '', 'temperature at which melting begins'), &
-      key_rule_t('material', 'liquidus', number, now, '', 'temperature at which all is liquid'), &
-      key_rule_t('material', 'where_expression', expression, now, '', 'where it is not 0'), &
-      key_rule_t('initial', 'temperature', number, now, '0', 'temperature, K'), &
-      key_rule_t('initial', 'temperature_expression', expression, now, '', 'the same'), &
-      key_rule_t('boundary', 'on', text, now, '''all''', 'which part of the boundary'), &
-      key_rule_t('boundary', 'kind', text, now, '''temperature''', 'what is given there'), &
-      key_rule_t('boundary', 'value', number, now, '', 'temperature, K'), &
-      key_rule_t('boundary', 'value_expression', expression, now, '', 'the same'), &
-      key_rule_t('boundary', 'where_expression', expression, now, '', 'where it is not 0'), &
-      key_rule_t('boundary', 'flux', number, now, '', 'heat flux into the body, W/m2'), &
-      key_rule_t('boundary', 'flux_expression', expression, now, '', 'the same'), &
-      key_rule_t('boundary', 'coefficient', number, now, '', 'heat transfer, W/(m2 K)'), &
-      key_rule_t('boundary', 'coefficient_expression', expression, now, '', 'the same'), &
-      key_rule_t('boundary', 'emissivity', number, now, '', 'emissivity, from 0 to 1'), &
-      key_rule_t('boundary', 'emissivity_expression', expression, now, '', 'the same'), &
-      key_rule_t('boundary', 'ambient', number, now, '', 'temperature around the body, K'), &
-      key_rule_t('boundary', 'ambient_expression', expression, now, '', 'the same'), &
-      key_rule_t('source', 'power', number, now, '', 'heat set free, W/m3'), &
-      key_rule_t('source', 'power_expression', expression, now, '', 'the same'), &
-      key_rule_t('source', 'where_expression', expression, now, '', 'where it is not 0'), &
-      key_rule_t('motion', 'velocity_x', number, now, '', 'velocity, m/s'), &
-      key_rule_t('motion', 'velocity_x_expression', expression, now, '', 'the same'), &
-      key_rule_t('motion', 'velocity_y', number, now, '', 'velocity, m/s'), &
-      key_rule_t('motion', 'velocity_y_expression', expression, now, '', 'the same'), &
-      key_rule_t('motion', 'step', number, now, '', 'longest time with one set of rows, s'), &
-      key_rule_t('motion', 'skin', number, now, '0.5', 'skin of neighbour lists in spacings'), &
-      key_rule_t('motion', 'shifting', yes_no, now, '.false.', 'keep particles evenly spread'), &
-      key_rule_t('time', 'end', number, now, '', 'the time to simulate, s'), &
-      key_rule_t('time', 'step', number, now, '', 'length of a step, s; without it automatic'), &
-      key_rule_t('time', 'method', text, now, '''auto''', 'how steps are made'), &
-      key_rule_t('time', 'tolerance', number, now, '1e-6', 'error allowed in each step'), &
-      key_rule_t('time', 'steady', yes_no, now, '.false.', 'only the steady temperature'), &
-      key_rule_t('output', 'file', text, now, '', 'the file to write (VTKHDF)'), &
-      key_rule_t('output', 'every', number, now, '', 'time between outputs, s'), &
-      key_rule_t('output', 'fields', texts, now, '''temperature''', 'what to write'), &
-      key_rule_t('accuracy', 'estimate', yes_no, now, '.false.', 'estimate the error'), &
-      key_rule_t('accuracy', 'target', number, now, '', 'relative L2 error to reach'), &
-      key_rule_t('checkpoint', 'file', text, now, '', 'the file to write (HDF5); without it '// &
+      key_rule_t('material', 'conductivity', number, '1', 'conductivity, W/(m K)'), &
+      key_rule_t('material', 'conductivity_expression', expression, '', 'the same'), &
+      key_rule_t('material', 'conductivity_xx', number, '', 'where it is a tensor'), &
+      key_rule_t('material', 'conductivity_xx_expression', expression, '', 'the same'), &
+      key_rule_t('material', 'conductivity_yy', number, '', 'where it is a tensor'), &
+      key_rule_t('material', 'conductivity_yy_expression', expression, '', 'the same'), &
+      key_rule_t('material', 'conductivity_xy', number, '0', 'where it is a tensor'), &
+      key_rule_t('material', 'conductivity_xy_expression', expression, '', 'the same'), &
+      key_rule_t('material', 'density', number, '1', 'density, kg/m3'), &
+      key_rule_t('material', 'density_expression', expression, '', 'the same'), &
+      key_rule_t('material', 'heat_capacity', number, '1', 'heat capacity, J/(kg K)'), &
+      key_rule_t('material', 'heat_capacity_expression', expression, '', 'the same'), &
+      key_rule_t('material', 'latent_heat', number, '', 'heat that melting takes, J/kg'), &
+      key_rule_t('material', 'solidus', number, '', 'temperature at which melting begins'), &
+      key_rule_t('material', 'liquidus', number, '', 'temperature at which all is liquid'), &
+      key_rule_t('material', 'where_expression', expression, '', 'where it is not 0'), &
+      key_rule_t('initial', 'temperature', number, '0', 'temperature, K'), &
+      key_rule_t('initial', 'temperature_expression', expression, '', 'the same'), &
+      key_rule_t('boundary', 'on', text, '''all''', 'which part of the boundary'), &
+      key_rule_t('boundary', 'kind', text, '''temperature''', 'what is given there'), &
+      key_rule_t('boundary', 'value', number, '', 'temperature, K'), &
+      key_rule_t('boundary', 'value_expression', expression, '', 'the same'), &
+      key_rule_t('boundary', 'where_expression', expression, '', 'where it is not 0'), &
+      key_rule_t('boundary', 'flux', number, '', 'heat flux into the body, W/m2'), &
+      key_rule_t('boundary', 'flux_expression', expression, '', 'the same'), &
+      key_rule_t('boundary', 'coefficient', number, '', 'heat transfer, W/(m2 K)'), &
+      key_rule_t('boundary', 'coefficient_expression', expression, '', 'the same'), &
+      key_rule_t('boundary', 'emissivity', number, '', 'emissivity, from 0 to 1'), &
+      key_rule_t('boundary', 'emissivity_expression', expression, '', 'the same'), &
+      key_rule_t('boundary', 'ambient', number, '', 'temperature around the body, K'), &
+      key_rule_t('boundary', 'ambient_expression', expression, '', 'the same'), &
+      key_rule_t('source', 'power', number, '', 'heat set free, W/m3'), &
+      key_rule_t('source', 'power_expression', expression, '', 'the same'), &
+      key_rule_t('source', 'where_expression', expression, '', 'where it is not 0'), &
+      key_rule_t('motion', 'velocity_x', number, '', 'velocity, m/s'), &
+      key_rule_t('motion', 'velocity_x_expression', expression, '', 'the same'), &
+      key_rule_t('motion', 'velocity_y', number, '', 'velocity, m/s'), &
+      key_rule_t('motion', 'velocity_y_expression', expression, '', 'the same'), &
+      key_rule_t('motion', 'step', number, '', 'longest time with one set of rows, s'), &
+      key_rule_t('motion', 'skin', number, '0.5', 'skin of neighbour lists in spacings'), &
+      key_rule_t('motion', 'shifting', yes_no, '.false.', 'keep particles evenly spread'), &
+      key_rule_t('time', 'end', number, '', 'the time to simulate, s'), &
+      key_rule_t('time', 'step', number, '', 'length of a step, s; without it automatic'), &
+      key_rule_t('time', 'method', text, '''auto''', 'how steps are made'), &
+      key_rule_t('time', 'tolerance', number, '1e-6', 'error allowed in each step'), &
+      key_rule_t('time', 'steady', yes_no, '.false.', 'only the steady temperature'), &
+      key_rule_t('output', 'file', text, '', 'the file to write (VTKHDF)'), &
+      key_rule_t('output', 'every', number, '', 'time between outputs, s'), &
+      key_rule_t('output', 'fields', texts, '''temperature''', 'what to write'), &
+      key_rule_t('accuracy', 'estimate', yes_no, '.false.', 'estimate the error'), &
+      key_rule_t('accuracy', 'target', number, '', 'relative L2 error to reach'), &
+      key_rule_t('checkpoint', 'file', text, '', 'the file to write (HDF5); without it '// &
                  'OUTPUT.checkpoint.h5'), &
-      key_rule_t('checkpoint', 'every_seconds', number, now, '60', 'wall time between two, s; '// &
+      key_rule_t('checkpoint', 'every_seconds', number, '60', 'wall time between two, s; '// &
                  '0: only by every'), &
-      key_rule_t('checkpoint', 'every', number, now, '', 'simulated time between two, s'), &
-      key_rule_t('checkpoint', 'keep', whole, now, '1', 'how many to keep: older ones are '// &
+      key_rule_t('checkpoint', 'every', number, '', 'simulated time between two, s'), &
+      key_rule_t('checkpoint', 'keep', whole, '1', 'how many to keep: older ones are '// &
                  'called FILE.1, FILE.2'), &
-      key_rule_t('operators', 'field_expression', expression, now, '', 'the field'), &
-      key_rule_t('operators', 'gradients', texts, now, '''all''', 'gradient schemes'), &
-      key_rule_t('operators', 'laplacians', texts, now, '''all''', 'Laplacian schemes'), &
-      key_rule_t('operators', 'exact_gradient_x_expression', expression, now, '', 'its d/dx'), &
-      key_rule_t('operators', 'exact_gradient_y_expression', expression, now, '', 'its d/dy'), &
-      key_rule_t('operators', 'exact_laplacian_expression', expression, now, '', 'its Laplacian'), &
-      key_rule_t('operators', 'file', text, now, '', 'the file to write (VTKHDF)'), &
-      key_rule_t('cost', 'spacings', numbers, now, '', 'distances between particles, m'), &
-      key_rule_t('cost', 'laplacians', texts, now, '''all''', 'Laplacian schemes'), &
-      key_rule_t('cost', 'supports', numbers, now, '', 'support radii in spacings'), &
-      key_rule_t('cost', 'orders', numbers, now, '2, 4, 6, 8', 'orders of the scheme consistent'), &
-      key_rule_t('cost', 'repetitions', whole, now, '5', 'how often each entry is timed'), &
-      key_rule_t('cost', 'seconds', number, now, '600', 'time that all may take, s'), &
-      key_rule_t('cost', 'target', number, now, '', 'the error to reach at least cost'), &
-      key_rule_t('cost', 'file', text, now, '', 'the table to write (CSV)')]
-
-  type(value_rule_t), parameter :: value_rules(*) = [value_rule_t ::]
+      key_rule_t('operators', 'field_expression', expression, '', 'the field'), &
+      key_rule_t('operators', 'gradients', texts, '''all''', 'gradient schemes'), &
+      key_rule_t('operators', 'laplacians', texts, '''all''', 'Laplacian schemes'), &
+      key_rule_t('operators', 'exact_gradient_x_expression', expression, '', 'its d/dx'), &
+      key_rule_t('operators', 'exact_gradient_y_expression', expression, '', 'its d/dy'), &
+      key_rule_t('operators', 'exact_laplacian_expression', expression, '', 'its Laplacian'), &
+      key_rule_t('operators', 'file', text, '', 'the file to write (VTKHDF)'), &
+      key_rule_t('cost', 'spacings', numbers, '', 'distances between particles, m'), &
+      key_rule_t('cost', 'laplacians', texts, '''all''', 'Laplacian schemes'), &
+      key_rule_t('cost', 'supports', numbers, '', 'support radii in spacings'), &
+      key_rule_t('cost', 'orders', numbers, '2, 4, 6, 8', 'orders of the scheme consistent'), &
+      key_rule_t('cost', 'repetitions', whole, '5', 'how often each entry is timed'), &
+      key_rule_t('cost', 'seconds', number, '600', 'time that all may take, s'), &
+      key_rule_t('cost', 'target', number, '', 'the error to reach at least cost'), &
+      key_rule_t('cost', 'file', text, '', 'the table to write (CSV)')]
 
   character(len=*), parameter :: companion = '_expression'
 
 contains
 
-  !> Check that a scene says nothing but what the format has and this version can act upon.
+  !> Check that a scene says nothing but what the format has.
   !> What a key's value must be beside its type is left to whoever reads it.
   subroutine check_against_contract(scene, error)
     !> The scene
     type(scene_file_t), intent(in) :: scene
     !> The first thing that is wrong: an unknown group or key (with the nearest known one), a group
-    !> that may not stand twice, a value of the wrong type, a number and an expression for the same
-    !> thing, or something that this version cannot act upon yet
+    !> that may not stand twice, a value of the wrong type, or a number and an expression for the
+    !> same thing
     type(error_t), allocatable, intent(out) :: error
     integer :: k
 
@@ -256,7 +237,6 @@ contains
     character(len=:), allocatable :: purpose
 
     purpose = trim(rule%purpose)
-    if (.not. rule%available) purpose = purpose//' (not yet)'
     if (rule%repeatable) purpose = purpose//' (may stand several times)'
   end function group_purpose
 
@@ -269,10 +249,9 @@ contains
     key = rule%name
     line = key//type_words(rule%type)//'  '//trim(rule%meaning)
     if (rule%default /= '') line = line//' (default '//trim(rule%default)//')'
-    if (.not. rule%available) line = line//' (not yet)'
   end function key_line
 
-  !> Check that a group exists, that this version has it, and that it may stand here.
+  !> Check that a group exists, and that it may stand here.
   subroutine check_group(scene, position, error)
     type(scene_file_t), intent(in) :: scene
     integer, intent(in) :: position
@@ -285,12 +264,6 @@ contains
         call raise_at(error, group, '', 'there is no such group.'// &
                       suggestion(group%name, contract_groups())//new_line('a')// &
                       'There are: '//join(contract_groups(), ', ')//'.')
-        return
-      end if
-      if (.not. group_rules(rule)%available) then
-        call raise_at(error, group, '', 'this group is part of the scene format, but this '// &
-                      'version of calor cannot '//trim(group_rules(rule)%purpose)// &
-                      ' yet; remove the group.')
         return
       end if
       if (group_rules(rule)%repeatable) return
@@ -318,11 +291,6 @@ contains
                         'It has: '//join(key_names(group%name), ', ')//'.')
           return
         end if
-        if (.not. key_rules(rule)%available) then
-          call raise_at(error, group, key, 'this key is part of the scene format, but this '// &
-                        'version of calor cannot act upon it yet; remove it.')
-          return
-        end if
         if (group%has(key//companion)) then
           call raise_at(error, group, key, 'there is '//key//companion//' too, in line '// &
                         to_text(group%entries(group%find(key//companion))%line)// &
@@ -330,8 +298,6 @@ contains
           return
         end if
         call check_type(group, key, key_rules(rule)%type, error)
-        if (allocated(error)) return
-        call check_value(group, key, error)
         if (allocated(error)) return
       end associate
     end do
@@ -370,108 +336,6 @@ contains
     end select
   end subroutine check_type
 
-  !> Refuse values that this version cannot act upon yet. Values that the format does not have are
-  !> refused here as well, because the nearest valid one may be one for later.
-  subroutine check_value(group, key, error)
-    type(group_t), intent(in) :: group
-    character(len=*), intent(in) :: key
-    type(error_t), allocatable, intent(out) :: error
-    type(error_t), allocatable :: not_logical
-    character(len=:), allocatable :: value
-    type(text_t), allocatable :: available(:), all_values(:)
-    logical :: truth
-    integer :: k
-
-    do k = 1, size(value_rules)
-      if (value_rules(k)%group /= group%name .or. value_rules(k)%key /= key) cycle
-      if (value_rules(k)%available == '') then
-        call refuse_later(group, key, value_rules(k)%later, error)
-        return
-      end if
-      call get(group, key, truth, not_logical)
-      if (allocated(not_logical)) then
-        value = group%entries(group%find(key))%values(1)%text
-      else
-        value = trim(merge('.true. ', '.false.', truth))
-      end if
-      call split(value_rules(k)%available, available)
-      if (is_among(value, available)) return
-      call split(trim(value_rules(k)%available)//' '//value_rules(k)%later, all_values)
-      if (is_among(value, all_values)) then
-        call raise_at(error, group, key, 'this value is part of the scene format, but this '// &
-                      'version of calor has only '//join(available, ', ')//' so far.')
-      else
-        call raise_at(error, group, key, 'there is no '''//value//''' to choose.'// &
-                      suggestion(value, all_values)//new_line('a')// &
-                      'There are: '//join(available, ', ')//' (later: '// &
-                      join(all_values(size(available) + 1:), ', ')//').')
-      end if
-      return
-    end do
-  end subroutine check_value
-
-  !> Refuse values of the format that this version cannot act upon yet, and no others.
-  subroutine refuse_later(group, key, later, error)
-    type(group_t), intent(in) :: group
-    character(len=*), intent(in) :: key
-    !> Those values
-    character(len=*), intent(in) :: later
-    type(error_t), allocatable, intent(out) :: error
-    type(text_t), allocatable :: values(:)
-    integer :: k
-
-    call split(later, values)
-    associate (given => group%entries(group%find(key))%values)
-      do k = 1, size(given)
-        if (.not. is_among(lower_case(given(k)%text), values)) cycle
-        call raise_at(error, group, key, ''''//given(k)%text//''' is part of the scene format, '// &
-                      'but this version of calor does not have it yet; take another.')
-        return
-      end do
-    end associate
-  end subroutine refuse_later
-
-  !> The words of a line.
-  pure subroutine split(line, words)
-    character(len=*), intent(in) :: line
-    type(text_t), allocatable, intent(out) :: words(:)
-    integer :: count, first, k, number_of_words
-
-    number_of_words = 0
-    do k = 1, len(line)
-      if (starts_word(line, k)) number_of_words = number_of_words + 1
-    end do
-    allocate (words(number_of_words))
-    count = 0
-    do k = 1, len(line)
-      if (.not. starts_word(line, k)) cycle
-      count = count + 1
-      first = k
-      words(count)%value = line(first:first + index(line(first:)//' ', ' ') - 2)
-    end do
-  end subroutine split
-
-  pure function starts_word(line, position)
-    character(len=*), intent(in) :: line
-    integer, intent(in) :: position
-    logical :: starts_word
-
-    starts_word = line(position:position) /= ' '
-    if (position > 1) starts_word = starts_word .and. line(position - 1:position - 1) == ' '
-  end function starts_word
-
-  pure function is_among(word, words)
-    character(len=*), intent(in) :: word
-    type(text_t), intent(in) :: words(:)
-    logical :: is_among
-    integer :: k
-
-    is_among = .false.
-    do k = 1, size(words)
-      if (words(k)%value == word) is_among = .true.
-    end do
-  end function is_among
-
   !> The position of a group among the rules, 0 if there is no such group.
   pure function find_group_rule(name) result(rule)
     character(len=*), intent(in) :: name
@@ -494,36 +358,29 @@ contains
     rule = 0
   end function find_key_rule
 
-  !> The groups that this version can act upon.
+  !> The groups of the format.
   pure function contract_groups() result(names)
     type(text_t), allocatable :: names(:)
-    integer :: k, count
+    integer :: k
 
-    allocate (names(size(pack(group_rules%available, group_rules%available))))
-    count = 0
+    allocate (names(size(group_rules)))
     do k = 1, size(group_rules)
-      if (.not. group_rules(k)%available) cycle
-      count = count + 1
-      names(count)%value = trim(group_rules(k)%name)
+      names(k)%value = trim(group_rules(k)%name)
     end do
   end function contract_groups
 
-  !> The keys of a group that this version can act upon.
+  !> The keys of a group.
   pure function key_names(group) result(names)
     character(len=*), intent(in) :: group
     type(text_t), allocatable :: names(:)
-    integer :: k, count
+    integer :: k, found
 
-    count = 0
+    allocate (names(count(key_rules%group == group)))
+    found = 0
     do k = 1, size(key_rules)
-      if (key_rules(k)%available .and. key_rules(k)%group == group) count = count + 1
-    end do
-    allocate (names(count))
-    count = 0
-    do k = 1, size(key_rules)
-      if (.not. (key_rules(k)%available .and. key_rules(k)%group == group)) cycle
-      count = count + 1
-      names(count)%value = trim(key_rules(k)%name)
+      if (key_rules(k)%group /= group) cycle
+      found = found + 1
+      names(found)%value = trim(key_rules(k)%name)
     end do
   end function key_names
 

@@ -4,7 +4,7 @@ module calor_description
   use calor_integrators, only: integrator_choices
   use calor_kinds, only: wp, i8
   use calor_laplacian_schemes, only: laplacian_choices
-  use calor_memory_need, only: memory_need, size_text
+  use calor_memory_need, only: memory_need, further_need, size_text
   use calor_progress_line, only: bar
   use calor_scene, only: scene_t
   use calor_scene_file, only: group_t
@@ -69,7 +69,8 @@ contains
       call add(lines, 'Steps', steps(simulation))
     end if
     call add(lines, 'Memory', 'about '//size_text(memory_need( &
-             real(simulation%cloud%particles(), wp), simulation%mean_neighbours)))
+             real(simulation%cloud%particles(), wp), simulation%mean_neighbours) + &
+             further_need(simulation%scene, real(simulation%cloud%particles(), wp))))
     call add(lines, 'Output', output(simulation))
   end function describe_plan
 

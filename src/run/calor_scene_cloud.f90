@@ -47,7 +47,7 @@ contains
         if (allocated(error)) return
         call set_spacing(domain%spacing, has_volume, cloud, error)
         if (allocated(error)) return
-        call check_memory(real(cloud%particles(), wp), scene%support, domain%place, error)
+        call check_memory(real(cloud%particles(), wp), scene, error)
         if (allocated(error)) return
         if (.not. has_volume) then
           call volumes_from_kernel(cloud, kernel, scene%support*cloud%spacing)
@@ -56,7 +56,7 @@ contains
       case default
         call make_scene_body(domain, body, error)
         if (allocated(error)) return
-        call check_memory(body%particles_about(domain%spacing), scene%support, domain%place, error)
+        call check_memory(body%particles_about(domain%spacing), scene, error)
         if (allocated(error)) return
         if (domain%shape == 'rectangle') then
           call make_rectangle(domain%x_range, domain%y_range, domain%spacing, &
@@ -105,8 +105,7 @@ contains
       end if
       call make_scene_body(domain, body, error)
       if (allocated(error)) return
-      call check_memory(body%particles_about(domain%spacing)/slice%parts, scene%support, &
-                        domain%place, error)
+      call check_memory(body%particles_about(domain%spacing)/slice%parts, scene, error)
       if (allocated(error)) return
       if (domain%shape == 'rectangle') then
         call make_rectangle(domain%x_range, domain%y_range, domain%spacing, domain%arrangement, &
