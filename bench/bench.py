@@ -452,9 +452,10 @@ def measure_memory(calor, folder, intervals):
                 samples.append((resident(child, "VmRSS"), resident(child, "VmHWM")))
             except OSError:
                 break
-        child.terminate()
+        child.kill()  # not terminate: an interrupted run would leave a checkpoint
         child.communicate()
-        held.append([max(values) for values in zip(*samples)] if samples else [math.nan] * 2)
+        # What steps hold is what is left when all that they do not need has been freed.
+        held.append([samples[-1][0], samples[-1][1]] if samples else [math.nan] * 2)
     particles = (intervals + 1) ** 2
     for place, name in enumerate(("while stepping", "at most, in set-up")):
         note("memory", f"calor run, fatehi_manzari, {name}", particles, 2, 12.4, name,
@@ -547,9 +548,10 @@ def targets():
 
 
 def markdown():
-    text = ["## Targets", "", "| what | wanted | reached | |", "|---|---|---|---|"]
+    text = ["![Growth with the number of particles, and time to an error](pictures/speed.png)", "",
+            "### Targets", "", "| what | wanted | reached | |", "|---|---|---|---|"]
     text += ["| " + " | ".join(line) + " |" for line in targets()]
-    text += ["", "## Set-up, ns per particle", "",
+    text += ["", "### Set-up, ns per particle", "",
              "| scheme | neighbours | lists, 1 / 2 threads | weights, 1 / 2 threads | "
              "rows with repairs, 1 / 2 threads | per neighbour of the rows |", "|---|---|---|---|---|---|"]
     for name, order, _ in SCHEMES:
@@ -563,11 +565,11 @@ def markdown():
             continue
         each = found("rows", title, "ns per particle", threads=1) / neighbours[0]
         text.append(f"| `{title}` | {neighbours[0]:.1f} | " + " | ".join(cells) + f" | {each:.0f} |")
-    text += ["", "## Lists of random points, 20 neighbours", "", "| | points | threads | s |",
+    text += ["", "### Lists of random points, 20 neighbours", "", "| | points | threads | s |",
              "|---|---|---|---|"]
     text += [f"| {r[1]} | {r[2]} | {r[3]} | {r[6]:.3f} |" for r in table if r[0] == "lists"
              and r[5] == "seconds"]
-    text += ["", "## Steps", "", "`stage`: a whole RKL2 stage, product and vector updates in one sweep;"
+    text += ["", "### Steps", "", "`stage`: a whole RKL2 stage, product and vector updates in one sweep;"
              " `rate`: a right-hand side; `csr`: the product from compressed rows; `product`: MKL's."
              " The bandwidth counts 12 bytes for a neighbour and the vectors; MKL may move fewer.", "",
              "| | particles | threads | ns per particle | GB/s |", "|---|---|---|---|---|"]
@@ -576,28 +578,28 @@ def markdown():
             speed = found("steps", row[1], "bandwidth", row[2], row[3])
             speed = "" if math.isnan(speed) else f"{speed:.1f}"
             text.append(f"| {row[1]} | {row[2]} | {row[3]} | {row[6]:.2f} | {speed} |")
-    text += ["", "## Growth, 2 threads", "", "| | particles | s | exponent |", "|---|---|---|---|"]
+    text += ["", "### Growth, 2 threads", "", "| | particles | s | exponent |", "|---|---|---|---|"]
     for row in table:
         if row[0] == "growth":
             text.append(f"| {row[1]} | {row[2]} | {row[6]:.4g} | {exponent(row[1]):.2f} |")
-    text += ["", "## The plate to t = 0.05, whole runs", "", "| | relative L2 error | ms |", "|---|---|---|"]
+    text += ["", "### The plate to t = 0.05, whole runs", "", "| | relative L2 error | ms |", "|---|---|---|"]
     for row in table:
         if row[0] == "runs" and row[5] == "seconds":
             error = found("runs", row[1], "relative L2 error")
             text.append(f"| {row[1]} | {error:.1e} | {1000 * row[6]:.1f} |")
-    text += ["", "## The plate on a lattice, 2 threads", "", "| | relative L2 error | ms |",
+    text += ["", "### The plate on a lattice, 2 threads", "", "| | relative L2 error | ms |",
              "|---|---|---|"]
     for row in table:
         if row[0] == "lattice" and row[5] == "seconds":
             error = found("lattice", row[1], "relative L2 error")
             text.append(f"| {row[1]} | {error:.1e} | {1000 * row[6]:.1f} |")
-    text += ["", "## Weights beside those of RBF-FD, searches included, 1 thread", "",
+    text += ["", "### Weights beside those of RBF-FD, searches included, 1 thread", "",
              "| | neighbours | µs per particle |", "|---|---|---|"]
     text += [f"| {r[1]} | {r[4]} | {r[6] / 1000:.2f} |" for r in table if r[0] == "weights of others"]
-    text += ["", "## Moving particles: a disc that turns faster inside than outside", "",
+    text += ["", "### Moving particles: a disc that turns faster inside than outside", "",
              "| | what | |", "|---|---|---|"]
     text += [f"| {r[1]} | {r[5]} | {r[6]:.3g} {r[7]} |" for r in table if r[0] == "motion"]
-    text += ["", "## Memory", "", "| | particles | bytes per particle |", "|---|---|---|"]
+    text += ["", "### Memory", "", "| | particles | bytes per particle |", "|---|---|---|"]
     text += [f"| {r[1]} | {r[2]} | {r[6]:.0f} |" for r in table if r[0] == "memory"]
     return "\n".join(text) + "\n"
 
