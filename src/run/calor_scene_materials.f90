@@ -68,7 +68,8 @@ module calor_scene_materials
     procedure :: find_jumps
     procedure :: find_local
     procedure, private :: has_local
-    procedure, private :: reaches_across
+    !> Whether a row has neighbours in another material
+    procedure :: reaches_across
     procedure, private :: take_melting
     procedure, private :: compare_factors
     !> Whether rows depend on the material of the particles only, and on no place or direction
@@ -87,6 +88,9 @@ contains
     real(wp), intent(in) :: temperature(:)
     !> A material is wrong, or missing somewhere
     type(error_t), allocatable, intent(out) :: error
+    integer, allocatable :: own(:), moved(:)
+    real(wp), allocatable :: conductivity(:, :), capacity(:)
+    integer :: k, i
 
     call read_materials(file, this%materials, error)
     if (allocated(error)) return
@@ -96,7 +100,18 @@ contains
     call this%materials%fill(cloud%x, cloud%y, file%path, this%flow%material, this%conductivity, &
                              this%capacity, error)
     if (allocated(error)) return
+    own = this%flow%material
     call this%flow%find_interfaces(this%materials, cloud%x, cloud%y, cloud%spacing)
+    do k = 1, size(this%materials%list)
+      moved = pack([(i, i=1, size(own))], this%flow%material == k .and. own /= k)
+      if (size(moved) == 0) cycle
+      allocate (conductivity(3, size(moved)), capacity(size(moved)))
+      call this%materials%conductivity_at(k, cloud%x(moved), cloud%y(moved), conductivity)
+      call this%materials%capacity_at(k, cloud%x(moved), cloud%y(moved), capacity)
+      this%conductivity(:, moved) = conductivity
+      this%capacity(moved) = capacity
+      deallocate (conductivity, capacity)
+    end do
   end subroutine prepare
 
   !> Effects get to know the capacity at each particle, and for their estimates the least
