@@ -106,7 +106,7 @@ contains
 
   !> Assemble rows.
   subroutine assemble_flow_rows(model, degree, rule, kernel, x, y, volume, radius, particles, &
-                                first, normal, rows)
+                                first, normal, flux_is_given, rows)
     !> What the rows are exact for
     class(flow_model_t), intent(in) :: model
     !> … up to this degree, at least 2
@@ -124,6 +124,8 @@ contains
     integer, intent(in) :: first(:)
     !> Outward unit normals, one a column; none of a particle within the body
     real(wp), intent(in) :: normal(:, :)
+    !> Whether the flux through the walls is given, and so the same on both sides of an interface
+    logical, intent(in) :: flux_is_given
     !> The rows
     type(flow_rows_t), intent(out) :: rows
     integer, allocatable :: pending(:)
@@ -263,6 +265,7 @@ contains
                             normal(:, first(which):first(which + 1) - 1), &
                             basis(:, n + 1:n + normals), basis(:, n + normals + 1:), pace, ease, &
                             passing)
+        if (.not. flux_is_given) basis(:, n + normals + 1:) = 0
         if (norm_minimal) then
           call norm_minimal_row(stencil, known, ease, passing, wanted, basis, found)
         else

@@ -253,7 +253,7 @@ contains
 
       call this%materials%convert(cloud, this%kernel, max(2, scheme%exact_degree()), &
                                   scheme%rule(), rows%radius, [(1, k=0, size(free))], no_normal, &
-                                  conduction%laplacian, no_weight, rows%repairs%repair, &
+                                  .true., conduction%laplacian, no_weight, rows%repairs%repair, &
                                   rows%repairs%quality, rows%report, &
                                   by_tensor=this%method%laplacian == 'fatehi_manzari')
     end subroutine convert_inner_rows
@@ -317,7 +317,8 @@ contains
                                 contacts%normal(:, chosen), walls, skin_list)
         if (this%materials%in_force) then
           call this%materials%convert(cloud, this%kernel, wall_degree(scheme), scheme%rule(), &
-                                      radius, first, contacts%normal(:, chosen), walls%laplacian, &
+                                      radius, first, contacts%normal(:, chosen), &
+                                      .not. any(contacts%held(chosen)), walls%laplacian, &
                                       walls%slope_weight, walls%repair, walls%quality, &
                                       walls%report, by_tensor=.false.)
         end if

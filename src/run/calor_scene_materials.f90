@@ -89,7 +89,7 @@ contains
     !> A material is wrong, or missing somewhere
     type(error_t), allocatable, intent(out) :: error
     integer, allocatable :: own(:), moved(:)
-    real(wp), allocatable :: conductivity(:, :), capacity(:)
+    real(wp), allocatable :: conductivity(:, :), capacity(:), normal(:, :)
     integer :: k, i
 
     call read_materials(file, this%materials, error)
@@ -101,7 +101,12 @@ contains
                              this%capacity, error)
     if (allocated(error)) return
     own = this%flow%material
-    call this%flow%find_interfaces(this%materials, cloud%x, cloud%y, cloud%spacing)
+    allocate (normal(2, cloud%particles()), source=0.0_wp)
+    if (allocated(cloud%normal_x)) then
+      normal(1, :) = cloud%normal_x
+      normal(2, :) = cloud%normal_y
+    end if
+    call this%flow%find_interfaces(this%materials, cloud%x, cloud%y, cloud%spacing, normal)
     do k = 1, size(this%materials%list)
       moved = pack([(i, i=1, size(own))], this%flow%material == k .and. own /= k)
       if (size(moved) == 0) cycle
@@ -126,8 +131,8 @@ contains
     medium%conductivity = minval(this%conductivity(1:2, :))
   end subroutine describe
 
-  subroutine convert(this, cloud, kernel, degree, rule, radius, first, normal, operator, &
-                     slope_weight, repair, quality, report, by_tensor)
+  subroutine convert(this, cloud, kernel, degree, rule, radius, first, normal, flux_is_given, &
+                     operator, slope_weight, repair, quality, report, by_tensor)
     class(scene_materials_t), intent(inout) :: this
     !> The cloud and the kernel
     type(cloud_t), intent(in) :: cloud
@@ -140,6 +145,8 @@ contains
     !> Where the walls of each row begin in `normal`, one more at the end, and their outward normals
     integer, intent(in) :: first(:)
     real(wp), intent(in) :: normal(:, :)
+    !> Whether the flux through these walls is given
+    logical, intent(in) :: flux_is_given
     !> The rows
     type(sparse_operator_t), intent(inout) :: operator
     !> Their weights of fluxes on walls, 1/m
@@ -232,7 +239,7 @@ contains
       call this%flow%focus(this%materials, cloud%x, cloud%y, cloud%spacing, operator%target(place))
       call assemble_flow_rows(this%flow, own_degree, own_rule, kernel, cloud%x, cloud%y, &
                               cloud%volume, radius, operator%target(place), own_first, &
-                              normal(:, wall), rows)
+                              normal(:, wall), flux_is_given, rows)
       this%widest = max(this%widest, rows%widest)
       call put_in_place(place, rows)
       slope_weight(wall) = rows%slope_weight
