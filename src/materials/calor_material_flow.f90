@@ -45,8 +45,6 @@ module calor_material_flow
   real(wp), parameter :: sharpest = 0.4_wp
   !> A particle nearer to it than so many spacings lies on it
   real(wp), parameter :: touching = 1.0e-6_wp
-  !> Normals of interface and wall are at right angles where their product is no larger
-  real(wp), parameter :: right_angle = 0.02_wp
   !> Steps of Newton's method to the nearest point of a parabola
   integer, parameter :: newton_steps = 8
 
@@ -103,35 +101,25 @@ module calor_material_flow
 
 contains
 
-  !> A particle on an interface may count to either side. Where the interface meets a wall at other
-  !> than right angles it counts to that which conducts better, whatever `this%material` says: a row
-  !> of the other one, which knows of heat through the wall of its own material only, would exchange
-  !> less heat with the better conductor than that does with it.
-  subroutine find_interfaces(this, materials, x, y, spacing, wall_normal)
+  !> A particle on an interface may count to either side. It counts to that which conducts better,
+  !> whatever `this%material` says, for there heat spreads along the interface: others exchange more
+  !> heat with it than a row of the worse conductor would with them.
+  subroutine find_interfaces(this, materials, x, y, spacing)
     class(material_flow_t), intent(inout) :: this
     !> The materials; `this%material` is set
     type(materials_t), intent(in) :: materials
     !> Coordinates of the particles, and their spacing, m
     real(wp), intent(in) :: x(:), y(:)
     real(wp), intent(in) :: spacing
-    !> Outward normal of each on walls, a column for each particle; 0 inside and where it has none
-    real(wp), intent(in) :: wall_normal(:, :)
     integer, allocatable :: beyond(:)
-    type(crossing_t) :: seen
-    logical :: there, changed
     integer :: k
 
     call this%find_points(materials, x, y, spacing, beyond)
-    changed = .false.
     do k = 1, size(x)
       if (beyond(k) == 0) cycle
-      if (.not. conducts(beyond(k), k) > conducts(this%material(k), k)) cycle
-      call this%see_interface(beyond(k), x, y, spacing, int(k, ip), seen, there)
-      if (.not. abs(dot_product(seen%normal, wall_normal(:, k))) > right_angle) cycle
-      this%material(k) = beyond(k)
-      changed = .true.
+      if (conducts(beyond(k), k) > conducts(this%material(k), k)) this%material(k) = beyond(k)
     end do
-    if (changed) call this%find_points(materials, x, y, spacing, beyond)
+    if (any(beyond > 0)) call this%find_points(materials, x, y, spacing, beyond)
 
   contains
 

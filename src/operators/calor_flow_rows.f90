@@ -82,7 +82,8 @@ module calor_flow_rows
       !> How much better than its own material what lies between the particle and a neighbour
       !> conducts; 1 at least
       real(wp), intent(out) :: ease(:)
-      !> passing
+      !> How much better or worse than its own material the way to a neighbour conducts where it
+      !> goes through two materials, one after the other; else 1
       real(wp), intent(out) :: passing(:)
     end subroutine describe_interface
   end interface
@@ -95,7 +96,6 @@ module calor_flow_rows
   integer, parameter :: most_times = 30
   !> No particle has more normals
   integer, parameter :: most_normals = 8
-  real(wp), parameter :: loose = 1.0_wp
   !> As in calor_taylor_weights
   real(wp), parameter :: nearest = 0.5_wp, cheap = 1.0e3_wp
 
@@ -288,7 +288,8 @@ contains
 
   end subroutine assemble_flow_rows
 
-  !> Weights of least norm: with a_j = √ω_j z_j the shortest z.
+  !> Weights of least norm, or nearest to what passes between two particles: with a_j = c_j + √ω_j z_j
+  !> the shortest z.
   subroutine norm_minimal_row(stencil, known, ease, passing, wanted, basis, found)
     type(stencil_t), intent(inout) :: stencil
     logical, intent(in) :: known(:)
@@ -312,7 +313,6 @@ contains
       if (.not. known(k)) cycle
       root(k) = sqrt(ease(k)*stencil%f(k))/ &
                 max(stencil%q(k), hypot(basis(1, k), basis(2, k)), shortest)
-      if (abs(passing(k) - 1) > 1.0e-6_wp) root(k) = loose*root(k)
     end do
     flux_root = sqrt(cheap)*norm2(root(1:n)*stencil%q(1:n))
     do k = n + 1, size(found)
@@ -320,10 +320,14 @@ contains
       root(k) = flux_root/max(norm2(basis(1:2, k)), tiny(1.0_wp))
       if (all(abs(basis(1:2, k)) <= 0)) root(k) = 0
     end do
+    ! Next to a better conductor weights are those nearest to what passes between two particles by
+    ! the distance and the conductivities on the way, which is the same in both directions. Beyond
+    ! it rows have enough to do with what their own material passes on.
     aim = 0
-    aim(1:n) = -0.5_wp*(wanted(3) + wanted(5))*passing*stencil%force(1:n)/stencil%q(1:n)
-    if (any(passing < 0.999_wp)) aim = 0
-    where (.not. known) aim(1:n) = 0
+    if (all(passing > 1 - 1.0e-9_wp) .and. any(passing > 1 + 1.0e-9_wp)) then
+      aim(1:n) = -0.5_wp*(wanted(3) + wanted(5))*passing*stencil%force(1:n)/stencil%q(1:n)
+      where (.not. known) aim(1:n) = 0
+    end if
     right = 0
     do k = 1, m
       matrix(k, :) = basis(k, :)*root

@@ -89,7 +89,7 @@ contains
     !> A material is wrong, or missing somewhere
     type(error_t), allocatable, intent(out) :: error
     integer, allocatable :: own(:), moved(:)
-    real(wp), allocatable :: conductivity(:, :), capacity(:), normal(:, :)
+    real(wp), allocatable :: conductivity(:, :), capacity(:)
     integer :: k, i
 
     call read_materials(file, this%materials, error)
@@ -101,12 +101,8 @@ contains
                              this%capacity, error)
     if (allocated(error)) return
     own = this%flow%material
-    allocate (normal(2, cloud%particles()), source=0.0_wp)
-    if (allocated(cloud%normal_x)) then
-      normal(1, :) = cloud%normal_x
-      normal(2, :) = cloud%normal_y
-    end if
-    call this%flow%find_interfaces(this%materials, cloud%x, cloud%y, cloud%spacing, normal)
+    call this%flow%find_interfaces(this%materials, cloud%x, cloud%y, cloud%spacing)
+    ! A particle on an interface may have changed sides.
     do k = 1, size(this%materials%list)
       moved = pack([(i, i=1, size(own))], this%flow%material == k .and. own /= k)
       if (size(moved) == 0) cycle
