@@ -3,17 +3,21 @@
 !>
 !> A function u at a particle of material A, about the foot r₀ of its perpendicular on the interface
 !> with material B: u = u₀ + g s + τ t + a s²/2 + b s t + c t²/2, where s is measured along the
-!> normal n from A to B and t along the interface. Beyond a straight interface it goes on as
-!> u₀ + g' s + τ t + a' s²/2 + b' s t + c t²/2, for the temperature is continuous all along it. The
-!> flux n·K∇u is so too: with N = n·K n, M = n·K t, P = t·K t, t being the unit vector along the
-!> interface, and commas for derivatives,
+!> normal n from A to B and t along the tangent. Beyond an interface s = χ t²/2 it goes on as
+!> u₀ + g' s + τ t + a' s²/2 + b' s t + c' t²/2 with
+!>
+!>     c' = c + χ (g - g'),
+!>
+!> for the temperature is continuous all along it. The flux is so too: with N = n·K n, M = n·K t,
+!> P = t·K t and commas for derivatives,
 !>
 !>     N_B g' + M_B τ = N_A g + M_A τ,
-!>     N_B b' + N_B,t g' + M_B c + M_B,t τ = N_A b + N_A,t g + M_A c + M_A,t τ,
+!>     N_B b' + N_B,t g' + M_B c' + M_B,t τ - χ (M_B g' + P_B τ)
+!>         = N_A b + N_A,t g + M_A c + M_A,t τ - χ (M_A g + P_A τ),
 !>
 !> and so is ∂u/∂t, so that div(K ∇u)/(ρc) is the same on both sides: with D = div K,
 !>
-!>     N_B a' + 2 M_B b' + P_B c + D_B·n g' + D_B·t τ
+!>     N_B a' + 2 M_B b' + P_B c' + D_B·n g' + D_B·t τ
 !>         = (ρc)_B/(ρc)_A [N_A a + 2 M_A b + P_A c + D_A·n g + D_A·t τ].
 !>
 !> In isotropic materials N = P = κ, M = 0 and D = ∇κ.
@@ -282,8 +286,8 @@ contains
     end do
   end subroutine focus
 
-  !> The interface with another material nearest to a particle: a straight line through the points
-  !> found on it, by least squares of their distances from it.
+  !> The interface with another material nearest to a particle: a parabola through the points found
+  !> on it, by least squares of their distances from it.
   subroutine see_interface(this, other, x, y, spacing, particle, seen, there)
     class(material_flow_t), intent(in) :: this
     integer, intent(in) :: other
@@ -587,8 +591,8 @@ contains
     end do
   end subroutine find_passing
 
-  !> u₀, g', τ, a', b', c' of x, y, x², xy, y², offsets from the particle in units of a radius: a row
-  !> for each.
+  !> u₀, g', τ, a', b', c' of x, y, x², xy, y², offsets from the particle in units of a radius: a
+  !> row for each.
   pure subroutine continue_beyond(crossing, radius, beyond)
     type(crossing_t), intent(in) :: crossing
     real(wp), intent(in) :: radius

@@ -259,7 +259,8 @@ contains
         n = stencil%n
         dx = -stencil%q(1:n)*stencil%ex(1:n)
         dy = -stencil%q(1:n)*stencil%ey(1:n)
-        allocate (basis(m, n + 2*normals), wanted(m), known(n), found(n + 2*normals), ease(n), passing(n))
+        allocate (basis(m, n + 2*normals), wanted(m), known(n), found(n + 2*normals))
+        allocate (ease(n), passing(n))
         call model%describe(particles(which), list%index(from:to), dx, dy, h, &
                             merge(degree, 2, norm_minimal), wanted, basis(:, 1:n), known, &
                             normal(:, first(which):first(which + 1) - 1), &
@@ -288,8 +289,8 @@ contains
 
   end subroutine assemble_flow_rows
 
-  !> Weights of least norm, or nearest to what passes between two particles: with a_j = c_j + √ω_j z_j
-  !> the shortest z.
+  !> Weights of least norm, or nearest to what passes between two particles, c: with
+  !> a_j = c_j + √ω_j z_j the shortest z.
   subroutine norm_minimal_row(stencil, known, ease, passing, wanted, basis, found)
     type(stencil_t), intent(inout) :: stencil
     logical, intent(in) :: known(:)

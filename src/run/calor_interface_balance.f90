@@ -1,16 +1,17 @@
 !> What leaves one material enters the other.
 !>
 !> Rows next to an interface are exact for fields that go on beyond it, each for itself: what two
-!> particles on both sides give and take need not be the same. With H_i = w_i (ρc)_i for the area w_i
-!> of a particle the heat Σ H_i T_i of an insulated body would stay if Σ_i H_i L_ij = 0 for all j,
-!> dT_i/dt = Σ_j L_ij T_j. Rows that reach across an interface are multiplied by factors f_i with
+!> particles on both sides give and take need not be the same. With H_i = w_i (ρc)_i for the area
+!> w_i of a particle the heat Σ H_i T_i of an insulated body would stay if Σ_i H_i L_ij = 0 for all
+!> j, dT_i/dt = Σ_j L_ij T_j. Rows that reach across an interface are multiplied by factors f_i:
 !>
 !>     Σ_i f_i H_i L_ij = 0 for all j that have such a row, f_i = 1 for all other rows,
 !>
-!> as many equations as factors. In one dimension the three-point rows become those of finite volumes
-!> with the harmonic mean of the conductivities. A row that is 0 for a field stays so, and so do
-!> signs; particles exchange areas that sum to nothing next to an interface, where temperatures are
-!> nearly the same, and the error of that is of second order.
+!> as many equations as factors. In one dimension rows of three points become those of finite
+!> volumes with the harmonic mean of the conductivities. A row that is 0 for a field stays so, and
+!> no sign changes. What it amounts to is that particles next to the interface exchange areas;
+!> temperatures there are nearly the same, and the error is of second order, or, where sources
+!> differ across the interface, of the first that it had anyway.
 module calor_interface_balance
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use calor_conduction, only: conduction_t
