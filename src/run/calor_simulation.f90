@@ -451,7 +451,7 @@ contains
         fits = earlier%particles == this%cloud%particles() .and. &
                size(earlier%time) >= size(this%entries)
       end if
-      ! An older checkpoint may be taken up after a run that went on from a later one to another end.
+      ! An older checkpoint may be taken up after a run from a later one to another end.
       if (fits) then
         call parse_scene_text(this%earlier_scene, 'scene', before, unreadable)
         if (.not. allocated(unreadable)) then
