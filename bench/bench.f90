@@ -222,7 +222,7 @@ contains
     call assemble_stable_rows(scheme, kernel, cloud%x, cloud%y, cloud%volume, radius, inside, &
                               conduction%laplacian, report, repairs)
     ended = omp_get_wtime()
-    conduction%x = cloud%x
+    conduction%medium%x = cloud%x
     if (.not. allocated(conduction%prescribed)) allocate (conduction%prescribed(0))
     call conduction%stream_rows()
     call tell(ended - began, real(size(conduction%laplacian%index, kind=i8), wp)/size(inside))

@@ -285,7 +285,7 @@ contains
 
     call make_operator(conduction%laplacian)
     conduction%diffusivity = 0.5_wp
-    conduction%x = [(real(k, wp), k=1, 101)]
+    conduction%medium%x = [(real(k, wp), k=1, 101)]
     allocate (conduction%prescribed(0))
     do k = 1, 101
       newer(k) = random_uniform(3, int(k, i8))
