@@ -120,6 +120,10 @@ def measure_lists(bench, particles):
 
         measurements = {
             "calor": lambda: program.ask(f"random {particles} 20"),
+            "calor, points in Hilbert's order": lambda: program.ask(f"ordered {particles} 20"),
+            "plain cell list": lambda: program.ask(f"plain {particles} 20"),
+            "plain cell list, points in Hilbert's order": lambda: program.ask(
+                f"plain_ordered {particles} 20"),
             "cKDTree build": lambda: timed(build),
             "cKDTree query_ball_point": lambda: timed(
                 lambda: tree[0].query_ball_point(points, radius, workers=threads)),

@@ -438,16 +438,22 @@ contains
     !> Number of particles in `found`
     integer, intent(inout) :: used
     integer(i8) :: left
-    integer :: k, bit
+    integer :: before, k
 
     do k = 1, (candidates%number - 1)/bits + 1
-      left = candidates%mark(k)
+      before = bits*(k - 1)
+      ! The highest bit aside, as it is the sign, the lowest one goes by a subtraction: no
+      ! processor has to wait for its number
+      left = ibclr(candidates%mark(k), bits - 1)
       do while (left /= 0)
-        bit = trailz(left)
         used = used + 1
-        found(used) = candidates%particle(bits*(k - 1) + bit + 1)
-        left = ibclr(left, bit)
+        found(used) = candidates%particle(before + trailz(left) + 1)
+        left = iand(left, left - 1)
       end do
+      if (candidates%mark(k) < 0) then
+        used = used + 1
+        found(used) = candidates%particle(before + bits)
+      end if
     end do
   end subroutine append_marked
 
