@@ -322,6 +322,8 @@ contains
     real(wp) :: next
     !> Whether the run was interrupted, and whether the state lies between two that are written
     logical :: stopped, amid
+    !> Whether memory that is not needed goes back to the system
+    logical :: frugal
 
     call this%certify(error)
     if (allocated(error)) return
@@ -331,7 +333,9 @@ contains
     end if
     call this%open_file(file, error)
     if (allocated(error)) return
-    if (present(lean)) call this%free_what_steps_spare(lean)
+    frugal = .false.
+    if (present(lean)) frugal = lean
+    if (frugal) call this%free_what_steps_spare()
     if (present(observer)) clock%next => observer
     call clock%start(this%scene%checkpoint, this%time)
     this%stepper%listener => clock
@@ -340,6 +344,7 @@ contains
       if (allocated(this%motion)) call this%settle_rows(error)
       if (.not. allocated(error)) call this%write_present_state(file, file_error, observer)
     end if
+    if (frugal) call give_back_freed_memory()
     do while (this%time < this%scene%time%end .and. .not. this%scene%time%steady)
       if (allocated(error) .or. allocated(file_error)) exit
       next = this%next_output()
@@ -359,6 +364,7 @@ contains
       if (.not. amid) this%written = this%written + 1
       ! After a failure the state is the last good one: it is written too.
       call this%write_present_state(file, file_error, observer)
+      if (frugal) call give_back_freed_memory()
       if (amid .or. allocated(error) .or. allocated(file_error)) exit
       if (stopped .or. clock%is_due(this%time) .or. &
           (this%scene%checkpoint%asked .and. .not. this%time < this%scene%time%end)) then
@@ -812,25 +818,19 @@ contains
   !> Free what set-up has left of cloud and rows and steps do not need. Implicit steps and the
   !> estimate of the error take the rows as they were assembled, moving particles new ones, and an
   !> estimate from a coarser run the places of the cloud.
-  subroutine free_what_steps_spare(this, lean)
+  subroutine free_what_steps_spare(this)
     class(simulation_t), intent(inout) :: this
-    logical, intent(in) :: lean
     type(cloud_t) :: bare
 
-    if (.not. lean) return
-    if (.not. (allocated(this%motion) .or. allocated(this%estimate) .or. &
-               this%scene%time%steady)) then
-      if (this%method /= 'tr_bdf2') call this%conduction%keep_streamed_rows()
-      this%report = row_report_t()
-      this%repairs = row_repairs_t()
-      if (allocated(this%radius)) deallocate (this%radius)
-      if (.not. allocated(this%coarser)) then
-        bare%spacing = this%cloud%spacing
-        call move_alloc(this%cloud%boundary, bare%boundary)
-        this%cloud = bare
-      end if
-    end if
-    call give_back_freed_memory()
+    if (allocated(this%motion) .or. allocated(this%estimate) .or. this%scene%time%steady) return
+    if (this%method /= 'tr_bdf2') call this%conduction%keep_streamed_rows()
+    this%report = row_report_t()
+    this%repairs = row_repairs_t()
+    if (allocated(this%radius)) deallocate (this%radius)
+    if (allocated(this%coarser)) return
+    bare%spacing = this%cloud%spacing
+    call move_alloc(this%cloud%boundary, bare%boundary)
+    this%cloud = bare
   end subroutine free_what_steps_spare
 
   !> Fields about the rows, which change only where particles move, if the scene asks for them.
