@@ -82,11 +82,11 @@ test-checked: ## all tests in a build with run-time checks and sanitizers (slow)
 	  FLAGS='$(CHECKED_FLAGS)' BIN=build/checked/bin EXAMPLES=build/checked/examples
 
 # The second fpm package. Its library is calor's, compiled for MPI's compiler into a build of its own.
-PETSC_FLAGS = $(shell pkg-config --cflags-only-I petsc)
-PETSC_LINKS = $(shell pkg-config --libs-only-L petsc)
+# The shell asks for PETSc's place, not make, which would ask before the set-up has installed it.
 FPM_DISTRIBUTED = ../$(FPM)
-DISTRIBUTED_OPTIONS = --compiler mpifort --flag "$(strip $(FLAGS)) $(PETSC_FLAGS)" \
-  --link-flag "$(PETSC_LINKS) -Wl,--as-needed"
+DISTRIBUTED_OPTIONS = --compiler mpifort \
+  --flag "$(strip $(FLAGS)) $$(pkg-config --cflags-only-I petsc)" \
+  --link-flag "$$(pkg-config --libs-only-L petsc) -Wl,--as-needed"
 MPIRUN ?= mpirun --oversubscribe $(if $(filter 0,$(shell id -u)),--allow-run-as-root)
 
 distributed: ## calor-mpi, at bin/calor-mpi: the same scenes on PETSc over MPI (installs these)

@@ -323,7 +323,9 @@ contains
     integer :: least
 
     call start_over(domain//'0.1'//scene//euler)
-    least = least_memory()
+    least = -1
+    call limited(1000000, 'version')
+    if (outcome%status == 0) least = least_memory()
     if (least < 0) then
       call skip('limits on memory stop the program itself, as in a build with sanitizers')
       return
@@ -355,14 +357,13 @@ contains
 
   contains
 
-    !> The limit with which the program can start, in kB; -1: there is none below 1 GB
+    !> The limit with which the program can start, in kB; -1: there is none up to 200 MB
     function least_memory() result(least)
       integer :: least
 
-      do least = 20000, 1000000, 2000
+      do least = 20000, 200000, 2000
         call limited(least, 'version')
         if (outcome%status == 0) return
-        if (least > 200000) exit
       end do
       least = -1
     end function least_memory

@@ -516,7 +516,7 @@ contains
     type(error_type), allocatable, intent(out) :: error
     character(len=*), parameter :: begin = square//warm//held, &
         output = '&output file = '''//folder//'o.vtkhdf'' every = 0.01 /'//lf, &
-        checkpoint = '&checkpoint /'//lf
+        checkpoint = '&checkpoint keep = 2 /'//lf
     type(simulation_t) :: simulation, whole
     type(error_t), allocatable :: failure
     type(scene_t) :: scene
@@ -542,6 +542,13 @@ contains
     if (allocated(error)) return
     ! Both differ from the truth by steps within the tolerance, 1e-6 each of some 20.
     call check(error, maxval(abs(simulation%temperature - whole%temperature)) < 2.0e-5_wp)
+    if (allocated(error)) return
+    ! The output, which holds the later end by now, still goes with the checkpoint of before.
+    call simulation%resume(scene, folder//'o.checkpoint.1.h5', failure)
+    if (.not. allocated(failure)) call simulation%run(failure)
+    call expect_none(error, failure)
+    if (allocated(error)) return
+    call check(error, maxval(abs(simulation%temperature - whole%temperature)) < 2.0e-5_wp)
   end subroutine test_later_end
 
   subroutine test_no_output(error)
@@ -549,7 +556,7 @@ contains
     character(len=*), parameter :: text = square//warm//held// &
         '&time end = 0.05 method = ''rkl2'' /'//lf//'&output file = '''//folder// &
         'o.vtkhdf'' every = 0.02 /'//lf
-    type(simulation_t) :: simulation
+    type(simulation_t) :: simulation, other
     type(error_t), allocatable :: failure
     type(scene_t) :: scene
 
@@ -558,6 +565,20 @@ contains
     call execute_command_line('rm '//folder//'o.vtkhdf')
     call interpret_scene(text, scene, failure)
     call simulation%resume(scene, '', failure)
+    call expect_none(error, failure)
+    if (allocated(error)) return
+    call simulation%run(failure)
+    call expect(error, failure, status_bad_file, 'put it back, or name another')
+    if (allocated(error)) return
+    ! A file of the same particles and times, but of another scene, is none either.
+    call execute_command_line('mv '//folder//'o.checkpoint.h5 '//folder//'kept.h5')
+    call interpret_scene(text//'&material density = 2 /', scene, failure)
+    call other%prepare(scene, failure)
+    if (.not. allocated(failure)) call other%run(failure)
+    call expect_none(error, failure)
+    if (allocated(error)) return
+    call interpret_scene(text, scene, failure)
+    call simulation%resume(scene, folder//'kept.h5', failure)
     call expect_none(error, failure)
     if (allocated(error)) return
     call simulation%run(failure)

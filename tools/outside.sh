@@ -3,6 +3,7 @@
 #
 #   - fpm install, called by hand, puts a calor in place that needs nothing of this folder,
 #   - make install adds the manual page and the completion, and both are found from there,
+#   - what the README says about building by hand works (of the tests, one suite is run),
 #   - example-project, a project of its own, builds calor as a dependency and gets right numbers.
 #
 # FLAGS and LINK_FLAGS are those of the program's own build, which fpm install then uses again.
@@ -48,6 +49,12 @@ completed=$(bash -c "PATH='$scratch/make/bin':\$PATH
   _calor
   echo \"\${COMPREPLY[*]}\"")
 [[ $completed == rotating_disc ]] || fail "bash completes 'calor new rot' to '$completed'"
+
+{ sed -n '/^## Building by hand/,/^## /p' README.md | sed -n '/^```sh/,/^```/p' | grep -v '^```' |
+  sed 's/fpm test .*/& -- text/'; } >"$scratch/by_hand"
+grep -q 'fpm test .* -- text' "$scratch/by_hand" || fail 'the README does not tell how to build by hand'
+bash -e "$scratch/by_hand" >"$scratch/log" 2>&1 ||
+  { tail -n 20 "$scratch/log" >&2; fail 'what the README says about building by hand fails'; }
 
 cd example-project
 said=$("$fpm" run --flag '-O1' -- "$root/data/plate.nml" 2>"$scratch/log") ||

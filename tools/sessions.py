@@ -12,8 +12,8 @@ status is 1 if a command fails that did not, does not fail that did (its output 
 "calor: "), or no longer says something under the same headings: numbers may differ between
 machines, so the first word of each line counts.
 
-It also looks at the commands in blocks ```sh: those of calor must name a command with options that
-there are, and those of make a target.
+It also looks at the commands in blocks ```sh and in running text, `calor run ...`: those of calor
+must name a command with options that there are, and scenes of data/; those of make a target.
 """
 
 import os
@@ -103,26 +103,35 @@ def follow(path, check):
     return wrong
 
 
+def commands_shown(text):
+    """The commands in blocks ```sh and between single backticks, each as a list of words."""
+    lines = text.split("\n")
+    for start, end in blocks(lines, "sh"):
+        yield from (line.split("#")[0].split() for line in lines[start:end])
+    running_text = re.sub(r"^```.*?^```", "", text, flags=re.M | re.S)
+    for span in re.findall(r"`((?:bin/)?calor [^`]*|make [a-z-]+)`", running_text):
+        yield span.split("|")[0].split()
+
+
 def look_at_commands(path):
     """What is wrong with the commands of a document that are not run."""
-    lines = path.read_text(encoding="utf-8").split("\n")
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     targets = set(re.findall(r"^([a-z-]+):", makefile, re.M))
     wrong = []
-    for start, end in blocks(lines, "sh"):
-        for line in lines[start:end]:
-            words = line.split("#")[0].split()
-            if words[:1] == ["make"]:
-                for word in words[1:]:
-                    if "=" not in word and re.fullmatch(r"[a-z-]+", word) and word not in targets:
-                        wrong.append(f"{path.name}: make has no target '{word}'")
-            elif words and words[0] in ("calor", "bin/calor") and words[1:2] != ["--version"]:
-                help_text = subprocess.run([CALOR, words[1], "--help"], capture_output=True, check=False)
-                if help_text.returncode != 0:
-                    wrong.append(f"{path.name}: there is no 'calor {words[1]}'")
-                for word in words[2:]:
-                    if word.startswith("--") and word.split("=")[0].encode() not in help_text.stdout:
-                        wrong.append(f"{path.name}: calor {words[1]} has no option {word}")
+    for words in commands_shown(path.read_text(encoding="utf-8")):
+        if words[:1] == ["make"]:
+            for word in words[1:]:
+                if re.fullmatch(r"[a-z-]+", word) and word not in targets:
+                    wrong.append(f"{path.name}: make has no target '{word}'")
+        elif words and words[0] in ("calor", "bin/calor") and words[1][0] not in "-C":
+            help_text = subprocess.run([CALOR, words[1], "--help"], capture_output=True, check=False)
+            if help_text.returncode != 0:
+                wrong.append(f"{path.name}: there is no 'calor {words[1]}'")
+            for word in words[2:]:
+                if word.startswith("--") and word.split("=")[0].encode() not in help_text.stdout:
+                    wrong.append(f"{path.name}: calor {words[1]} has no option {word}")
+                if word.startswith("data/") and not (ROOT / word).exists():
+                    wrong.append(f"{path.name}: there is no {word}")
     return wrong
 
 

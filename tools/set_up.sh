@@ -91,6 +91,7 @@ install_packages() {
   has_command apt-get || fail "missing (by their names in Debian): $*. Install them and run this again."
   [[ $(id -u) == 0 ]] || fail "packages are missing. As root, run: $line"
   say "$line"
+  mkdir -p build
   export DEBIAN_FRONTEND=noninteractive
   { apt-get -qq update && apt-get -qq --yes install --no-install-recommends "$@"; } \
     >build/apt.log 2>&1 </dev/null || {

@@ -61,12 +61,14 @@ contains
     type(scene_t), intent(in) :: scene
     !> There is not enough
     type(error_t), allocatable, intent(out) :: error
+    !> What does not grow with the particles: buffers of the libraries, for files above all
+    real(wp), parameter :: once = 4.0e6_wp
     real(wp), parameter :: pi = acos(-1.0_wp)
     real(wp) :: neighbours, need, available
 
     neighbours = particles
     if (scene%support < sqrt(particles)) neighbours = min(particles, pi*scene%support**2)
-    need = memory_need(particles, neighbours) + further_need(scene, particles)
+    need = once + memory_need(particles, neighbours) + further_need(scene, particles)
     available = real(available_memory(), wp)
     if (need < available) return
     call raise(error, status_bad_input, scene%domain%place//': this makes about '// &

@@ -29,6 +29,7 @@ module calor_simulation
   use calor_saved_state, only: saved_state_t
   use calor_scene, only: scene_t
   use calor_scene_body, only: make_scene_body
+  use calor_scene_changes, only: scene_changes
   use calor_scene_cloud, only: make_scene_cloud
   use calor_scene_evolution, only: make_scene_evolution, row_maker_t, scene_method, scene_rows_t
   use calor_scene_file, only: scene_file_t, group_t, parse_scene_text
@@ -447,6 +448,7 @@ contains
     !> The states of before must still be there.
     subroutine check_earlier_file()
       type(error_t), allocatable :: unreadable
+      type(scene_file_t) :: before, last
       logical :: fits
       integer :: k
 
@@ -455,9 +457,17 @@ contains
       fits = fits .and. .not. allocated(unreadable)
       if (fits) then
         fits = earlier%particles == this%cloud%particles() .and. &
-               size(earlier%time) >= size(this%entries) .and. &
-               earlier%note('scene') == this%earlier_scene
+               size(earlier%time) >= size(this%entries)
       end if
+      ! An older checkpoint may be taken up after a run from a later one to another end.
+      if (fits) then
+        call parse_scene_text(this%earlier_scene, 'scene', before, unreadable)
+        if (.not. allocated(unreadable)) then
+          call parse_scene_text(earlier%note('scene'), 'scene', last, unreadable)
+        end if
+        fits = .not. allocated(unreadable)
+      end if
+      if (fits) fits = size(scene_changes(before, last)) == 0
       do k = 1, size(this%entries)
         if (fits) fits = .not. abs(earlier%time(k) - this%entries(k)%time) > 0
       end do

@@ -111,7 +111,7 @@ module calor_accuracy_target
   !> On fewer particles schemes hardly differ, so that their difference says nothing
   integer, parameter :: fewest_particles = 60
   !> Aim at this part of the target, and at that one where a method has not been tried
-  real(wp), parameter :: aim = 0.6_wp, careful_aim = 0.4_wp
+  real(wp), parameter :: aim = 0.6_wp, careful_aim = 0.3_wp
   !> Estimates of higher orders, whose own reference is of a higher order still, fall short by up to
   !> a third on clouds of some hundred particles: they must be below this part of the target
   real(wp), parameter :: trusted_part = 0.8_wp
