@@ -390,6 +390,9 @@ contains
     if (allocated(error)) return
     call check(error, lean%conduction%laplacian%rows(), usual%conduction%laplacian%rows())
     if (allocated(error)) return
+    call check(error, .not. (allocated(lean%cloud%x) .or. allocated(lean%radius)) .and. &
+               all(abs(lean%conduction%medium%x - usual%cloud%x) <= 0.0_wp))
+    if (allocated(error)) return
     call run_scene('', lean, error, lean=.true., method='tr_bdf2')
     if (allocated(error)) return
     call check(error, allocated(lean%conduction%laplacian%weight))

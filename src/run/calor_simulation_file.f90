@@ -95,7 +95,8 @@ contains
     this%in_motion = scene%motion%in_force
     x = cloud%x(this%place)
     y = cloud%y(this%place)
-    if (this%in_motion .or. any([(needs_places(this%fields(k)%value), k=1, size(this%fields))])) then
+    if (this%in_motion .or. &
+        any([(needs_places(this%fields(k)%value), k=1, size(this%fields))])) then
       this%x = x
       this%y = y
     end if
