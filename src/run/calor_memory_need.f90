@@ -10,7 +10,7 @@ module calor_memory_need
 
   public :: memory_need, further_need, check_memory, size_text
 
-  !> Measured at the highest, which is the search for unstable modes, with up to a million particles.
+  !> Measured at the highest, in the search for unstable modes, with up to a million particles.
   !> A neighbour has two weights then, as assembled and as laid out for steps; a particle has
   !> place, volume, area, normal, order, quality of its row and state, and some 25 entries of
   !> vectors.
