@@ -809,8 +809,9 @@ contains
     call raise(error, status_bad_numbers, 'At t = '//to_text(time, digits=6)// &
                ' s the temperature of particle '//to_text(this%user_index(particle))//' at ('// &
                to_text(this%medium%x(particle), digits=6)//', '// &
-               to_text(this%medium%y(particle), digits=6)//') '//what//' the range of the given '// &
-               'temperatures, '//to_text(this%lowest, digits=4)//' to '//to_text(this%highest, digits=4)//'.'// &
+               to_text(this%medium%y(particle), digits=6)//') '//what//' the range of the '// &
+               'given temperatures, '//to_text(this%lowest, digits=4)//' to '// &
+               to_text(this%highest, digits=4)//'.'// &
                new_line('a')//suspicion)
   end subroutine report_excursion
 
