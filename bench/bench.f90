@@ -5,6 +5,8 @@
 !>
 !>     write FILE               coordinates of all particles as raw numbers: x …, y …
 !>     random N NEIGHBOURS      lists of so many random points: seconds, mean number of neighbours
+!>     plain N NEIGHBOURS       the same by a plain cell list, each row in the order of the cells
+!>     ordered N NEIGHBOURS, plain_ordered N NEIGHBOURS   the same two, the points in Hilbert's order
 !>     lists SUPPORT            lists of all particles: seconds, mean number of neighbours
 !>     weights SCHEME ORDER SUPPORT   one assembly: seconds, mean number of neighbours
 !>     rows SCHEME ORDER SUPPORT      stable rows, lists and repairs included: the same; they are
@@ -35,6 +37,7 @@ program bench
   use calor_stable_rows, only: assemble_stable_rows, row_repairs_t
   use mkl_product, only: mkl_matrix_t
   use omp_lib, only: omp_get_wtime
+  use plain_list, only: build_plain_list
   implicit none (type, external)
 
   real(wp), parameter :: pi = acos(-1.0_wp)
@@ -66,7 +69,7 @@ program bench
     select case (command)
     case ('write')
       call write_cloud(argument(line))
-    case ('random')
+    case ('random', 'plain', 'ordered', 'plain_ordered')
       call time_random()
     case ('lists')
       call time_lists()
@@ -157,6 +160,7 @@ contains
 
   subroutine time_random()
     real(wp), allocatable :: x(:), y(:)
+    integer(ip), allocatable :: order(:)
     type(neighbour_list_t) :: list
     real(wp) :: neighbours, began
     integer :: n, k
@@ -167,8 +171,18 @@ contains
       x(k) = random_uniform(7, 2_i8*k)
       y(k) = random_uniform(7, 2_i8*k + 1)
     end do
+    if (index(command, 'ordered') > 0) then
+      allocate (order(n))
+      call hilbert_order(x, y, order)
+      x = x(order)
+      y = y(order)
+    end if
     began = omp_get_wtime()
-    call build_neighbour_list(x, y, sqrt(neighbours/(pi*n)), list)
+    if (index(command, 'plain') == 1) then
+      call build_plain_list(x, y, sqrt(neighbours/(pi*n)), list)
+    else
+      call build_neighbour_list(x, y, sqrt(neighbours/(pi*n)), list)
+    end if
     call tell(omp_get_wtime() - began, real(size(list%index, kind=i8), wp)/n)
   end subroutine time_random
 
@@ -222,7 +236,7 @@ contains
     call assemble_stable_rows(scheme, kernel, cloud%x, cloud%y, cloud%volume, radius, inside, &
                               conduction%laplacian, report, repairs)
     ended = omp_get_wtime()
-    conduction%x = cloud%x
+    conduction%medium%x = cloud%x
     if (.not. allocated(conduction%prescribed)) allocate (conduction%prescribed(0))
     call conduction%stream_rows()
     call tell(ended - began, real(size(conduction%laplacian%index, kind=i8), wp)/size(inside))

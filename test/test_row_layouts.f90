@@ -285,7 +285,7 @@ contains
 
     call make_operator(conduction%laplacian)
     conduction%diffusivity = 0.5_wp
-    conduction%x = [(real(k, wp), k=1, 101)]
+    conduction%medium%x = [(real(k, wp), k=1, 101)]
     allocate (conduction%prescribed(0))
     do k = 1, 101
       newer(k) = random_uniform(3, int(k, i8))
@@ -389,6 +389,9 @@ contains
                .not. allocated(lean%conduction%laplacian%weight))
     if (allocated(error)) return
     call check(error, lean%conduction%laplacian%rows(), usual%conduction%laplacian%rows())
+    if (allocated(error)) return
+    call check(error, .not. (allocated(lean%cloud%x) .or. allocated(lean%radius)) .and. &
+               all(abs(lean%conduction%medium%x - usual%cloud%x) <= 0.0_wp))
     if (allocated(error)) return
     call run_scene('', lean, error, lean=.true., method='tr_bdf2')
     if (allocated(error)) return

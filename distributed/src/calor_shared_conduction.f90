@@ -181,7 +181,7 @@ contains
       call matscale(jacobian, factor, failed)
       if (present(shift)) call matshift(jacobian, shift, failed)
       call vecdestroy(numbers, failed)
-      allocate (free(size(this%x)), source=1.0_wp)
+      allocate (free(this%unknowns()), source=1.0_wp)
       call this%clear_prescribed(free)
       first_row = 0
       if (last >= first) first_row = int(this%number(first)) - 1

@@ -27,6 +27,7 @@ module calor_ambient_exchange
     procedure :: update_values
     procedure :: follow_kind
     procedure :: has_slope
+    procedure :: depends_on_time
     procedure :: kept_range
   end type ambient_exchange_t
 
@@ -98,6 +99,13 @@ contains
     end associate
     answer = .true.
   end function has_slope
+
+  pure function depends_on_time(this) result(answer)
+    class(ambient_exchange_t), intent(in) :: this
+    logical :: answer
+
+    answer = this%factor%moves .or. this%ambient%moves
+  end function depends_on_time
 
   subroutine kept_range(this, kept, lowest, highest)
     class(ambient_exchange_t), intent(in) :: this

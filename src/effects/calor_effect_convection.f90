@@ -18,7 +18,6 @@ module calor_effect_convection
     procedure :: find_flux
     procedure :: find_flux_slope
     procedure :: is_linear
-    procedure :: depends_on_time
   end type convection_t
 
 contains
@@ -66,12 +65,5 @@ contains
 
     answer = .not. (this%factor%reacts .or. this%ambient%reacts .or. this%factor%moves)
   end function is_linear
-
-  pure function depends_on_time(this) result(answer)
-    class(convection_t), intent(in) :: this
-    logical :: answer
-
-    answer = this%factor%moves .or. this%ambient%moves
-  end function depends_on_time
 
 end module calor_effect_convection

@@ -147,26 +147,35 @@ contains
     !> Rows by octave, without those whose radius is not positive
     integer(ip), allocatable, intent(out) :: row(:)
     integer(ip), allocatable :: octave(:), all_first(:), all_row(:)
-    integer :: lowest, highest, k
+    real(wp) :: smallest, largest
+    integer :: lowest, highest, k, positive
 
-    if (size(radius) == 1) then
-      allocate (row(merge(rows, 0, radius(1) > 0)))
-      do k = 1, size(row)
-        row(k) = k
-      end do
-      first = [1, size(row) + 1]
-      return
-    end if
-    lowest = huge(lowest)
-    highest = -huge(highest)
-    do k = 1, rows
-      if (.not. radius(k) > 0) cycle
-      lowest = min(lowest, exponent(radius(k)))
-      highest = max(highest, exponent(radius(k)))
+    smallest = huge(smallest)
+    largest = 0
+    positive = 0
+    !$omp parallel do simd if (size(radius) > worth_threads) schedule(static) default(none) &
+    !$omp shared(radius) reduction(min: smallest) reduction(max: largest) reduction(+: positive)
+    do k = 1, size(radius)
+      smallest = min(smallest, merge(radius(k), huge(smallest), radius(k) > 0))
+      largest = max(largest, merge(radius(k), 0.0_wp, radius(k) > 0))
+      positive = positive + merge(1, 0, radius(k) > 0)
     end do
-    if (lowest > highest) then
+    !$omp end parallel do simd
+    if (positive == 0) then
       first = [1]
       allocate (row(0))
+      return
+    end if
+    lowest = exponent(smallest)
+    highest = exponent(largest)
+    if (lowest == highest .and. positive == size(radius)) then
+      allocate (row(rows))
+      !$omp parallel do if (rows > worth_threads) schedule(static) default(none) shared(row, rows)
+      do k = 1, rows
+        row(k) = k
+      end do
+      !$omp end parallel do
+      first = [1, rows + 1]
       return
     end if
     allocate (octave(rows))
@@ -438,16 +447,22 @@ contains
     !> Number of particles in `found`
     integer, intent(inout) :: used
     integer(i8) :: left
-    integer :: k, bit
+    integer :: before, k
 
     do k = 1, (candidates%number - 1)/bits + 1
-      left = candidates%mark(k)
+      before = bits*(k - 1)
+      ! The highest bit aside, as it is the sign, the lowest one goes by a subtraction: no
+      ! processor has to wait for its number
+      left = ibclr(candidates%mark(k), bits - 1)
       do while (left /= 0)
-        bit = trailz(left)
         used = used + 1
-        found(used) = candidates%particle(bits*(k - 1) + bit + 1)
-        left = ibclr(left, bit)
+        found(used) = candidates%particle(before + trailz(left) + 1)
+        left = iand(left, left - 1)
       end do
+      if (candidates%mark(k) < 0) then
+        used = used + 1
+        found(used) = candidates%particle(before + bits)
+      end if
     end do
   end subroutine append_marked
 

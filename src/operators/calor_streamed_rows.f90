@@ -77,22 +77,27 @@ contains
     !> Whether to keep weights in single precision; without it not
     logical, intent(in), optional :: single
     integer(ip), allocatable :: row_of(:)
-    logical :: short
+    logical :: short, balanced
     integer, allocatable :: length(:)
     integer :: row, slice
 
     allocate (row_of(particles), source=0_ip)
     allocate (length(particles), source=0)
     do row = 1, operator%rows()
-      associate (from => operator%first(row), to => operator%first(row + 1) - 1, &
-                 particle => operator%target(row))
+      associate (particle => operator%target(row))
         if (row_of(particle) > 0) return
-        if (.not. abs(operator%diagonal(row) + sum(operator%weight(from:to))) <= &
-            largest_sum*sum(abs(operator%weight(from:to)))) return
         row_of(particle) = row
-        length(particle) = int(to - from + 1)
+        length(particle) = int(operator%first(row + 1) - operator%first(row))
       end associate
     end do
+    balanced = .true.
+    !$omp parallel do if (particles > worth_threads) schedule(static) default(shared) private(row) &
+    !$omp reduction(.and.: balanced)
+    do row = 1, operator%rows()
+      balanced = balanced .and. is_balanced(operator, row)
+    end do
+    !$omp end parallel do
+    if (.not. balanced) return
     this%particles = particles
     this%slices = (particles + lanes - 1)/lanes
     this%source_rows = operator%rows()
@@ -122,6 +127,17 @@ contains
     end do
     !$omp end parallel do
   end subroutine lay_out
+
+  !> Whether the diagonal of a row is minus the sum of its other weights
+  pure function is_balanced(operator, row) result(answer)
+    type(sparse_operator_t), intent(in) :: operator
+    integer, intent(in) :: row
+    logical :: answer
+
+    associate (weight => operator%weight(operator%first(row):operator%first(row + 1) - 1))
+      answer = abs(operator%diagonal(row) + sum(weight)) <= largest_sum*sum(abs(weight))
+    end associate
+  end function is_balanced
 
   !> The power of 2 next to the largest magnitude of some numbers, 1 where all are 0
   pure function scale_of(weight) result(scale)

@@ -43,8 +43,7 @@ module calor_conduction
     real(wp) :: diffusivity = 1.0_wp
     !> The held particles
     type(prescribed_t), allocatable :: prescribed(:)
-    !> Coordinates, m, and user's number of each particle, for messages
-    real(wp), allocatable :: x(:), y(:)
+    !> The user's number of each particle, for messages
     integer, allocatable :: user_index(:)
     !> The particles, what they consist of and where they touch the world
     type(medium_t) :: medium
@@ -159,7 +158,7 @@ contains
     class(conduction_t), intent(in) :: this
     integer :: number
 
-    number = size(this%x)
+    number = this%medium%particles()
   end function unknowns
 
   subroutine rate(this, time, u, du)
@@ -377,8 +376,6 @@ contains
     type(places_t), intent(in) :: places
     integer :: k
 
-    this%x = x
-    this%y = y
     this%medium%x = x
     this%medium%y = y
     do k = 1, size(this%prescribed)
@@ -815,9 +812,10 @@ contains
     if (allocated(this%suspicion)) suspicion = this%suspicion
     call raise(error, status_bad_numbers, 'At t = '//to_text(time, digits=6)// &
                ' s the temperature of particle '//to_text(this%user_index(particle))//' at ('// &
-               to_text(this%x(particle), digits=6)//', '//to_text(this%y(particle), digits=6)// &
-               ') '//what//' the range of the given temperatures, '// &
-               to_text(this%lowest, digits=4)//' to '//to_text(this%highest, digits=4)//'.'// &
+               to_text(this%medium%x(particle), digits=6)//', '// &
+               to_text(this%medium%y(particle), digits=6)//') '//what//' the range of the '// &
+               'given temperatures, '//to_text(this%lowest, digits=4)//' to '// &
+               to_text(this%highest, digits=4)//'.'// &
                new_line('a')//suspicion)
   end subroutine report_excursion
 

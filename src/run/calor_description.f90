@@ -120,7 +120,7 @@ contains
     integer :: k
 
     allocate (lines(0))
-    call add(lines, 'Simulated', to_text(simulation%cloud%particles())//' particles with '// &
+    call add(lines, 'Simulated', to_text(size(simulation%temperature))//' particles with '// &
              to_text(simulation%mean_neighbours, digits=3)//' neighbours on average, by '// &
              methods(simulation))
     if (simulation%scene%time%steady) then
@@ -135,8 +135,9 @@ contains
     call add(lines, 'Temperature', to_text(minval(simulation%temperature), digits=6)//' to '// &
              to_text(maxval(simulation%temperature), digits=6))
     if (melts(simulation)) then
-      call add(lines, 'Liquid', to_text(100*sum(simulation%cloud%area* &
-             simulation%liquid_fraction())/sum(simulation%cloud%area), digits=4)//' % of the body')
+      call add(lines, 'Liquid', to_text(100*sum(simulation%conduction%medium%area* &
+             simulation%liquid_fraction())/sum(simulation%conduction%medium%area), digits=4)// &
+             ' % of the body')
     end if
     if (size(simulation%entries) > 0) call add(lines, 'Heat', budget(simulation))
     if (allocated(simulation%motion)) call add(lines, 'Motion', motion(simulation))

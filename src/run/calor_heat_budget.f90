@@ -41,15 +41,15 @@ module calor_heat_budget
     logical :: conservative = .false.
     !> Names of accounts: walls first, then effects within the body
     type(text_t), allocatable :: account(:)
-    !> The particles' weights, m²
+    !> The particles' weights, m²; not allocated: their areas
     real(wp), allocatable, private :: weight(:)
     !> The account of each of the cloud's boundaries; 0 for one that consists of others
     integer, allocatable, private :: wall_account(:)
   contains
     !> Prepare the budget of a scene
     procedure :: prepare
-    !> Take other areas of the particles for weights
-    procedure :: weigh
+    !> Take the particles' areas for weights, as they are now
+    procedure :: weigh_by_area
     !> Find the weights that make it close
     procedure :: close_exactly
     !> The budget of a state
@@ -69,7 +69,6 @@ contains
     integer :: k
 
     this%available = allocated(conduction%medium%contacts%normal)
-    this%weight = cloud%area
     do k = 1, size(cloud%boundary)
       if (.not. any(conduction%medium%contacts%side == k - 1)) cycle
       call append(this%account, cloud%boundary(k)%value)
@@ -84,14 +83,12 @@ contains
     end do
   end subroutine prepare
 
-  pure subroutine weigh(this, area)
+  pure subroutine weigh_by_area(this)
     class(heat_budget_t), intent(inout) :: this
-    !> m²
-    real(wp), intent(in) :: area(:)
 
-    this%weight = area
+    if (allocated(this%weight)) deallocate (this%weight)
     this%conservative = .false.
-  end subroutine weigh
+  end subroutine weigh_by_area
 
   !> The place of a name in a list, 0 where it is not in it
   pure function place_of(list, name) result(place)
@@ -121,8 +118,8 @@ contains
     logical :: done
 
     if (.not. this%available) return
-    n = size(this%weight)
-    area = sum(this%weight)
+    n = size(conduction%medium%area)
+    area = sum(conduction%medium%area)
     scale = area/n
     associate (inner => conduction%laplacian, held => conduction%held_rows)
       ! Where each particle's row is: negative in the rows of held ones
@@ -148,7 +145,7 @@ contains
     end do
     first(n + 1) = used + 1
     index(used + 1:used + n) = [(k, k=1, n)]
-    value(used + 1:used + n) = this%weight/scale
+    value(used + 1:used + n) = conduction%medium%area/scale
     first(n + 2) = used + n + 1
     call factors%factorise(first, index(:used + n), value(:used + n), done)
     if (.not. done) return
@@ -197,6 +194,22 @@ contains
     real(wp), intent(in) :: state(:)
     !> The budget
     type(budget_entry_t), intent(out) :: entry
+
+    if (allocated(this%weight)) then
+      call add_up(this, conduction, time, state, this%weight, entry)
+    else
+      call add_up(this, conduction, time, state, conduction%medium%area, entry)
+    end if
+  end subroutine evaluate
+
+  subroutine add_up(this, conduction, time, state, weight, entry)
+    class(heat_budget_t), intent(in) :: this
+    type(conduction_t), intent(inout) :: conduction
+    real(wp), intent(in) :: time
+    real(wp), intent(in) :: state(:)
+    !> The particles' weights, m²
+    real(wp), intent(in) :: weight(:)
+    type(budget_entry_t), intent(out) :: entry
     real(wp), allocatable :: rate(:), power(:), flux(:), share(:), missing(:), held(:), capacity(:)
     real(wp), allocatable :: temperature(:)
     real(wp) :: conductivity
@@ -209,7 +222,7 @@ contains
       ! Rows of a body of varying material contain its conductivity.
       conductivity = medium%conductivity
       if (allocated(medium%local_capacity)) conductivity = 1
-      entry%stored = sum(capacity*this%weight*state)
+      entry%stored = sum(capacity*weight*state)
       allocate (entry%power(size(this%account)), source=0.0_wp)
       if (.not. this%available) return
 
@@ -218,7 +231,7 @@ contains
       allocate (flux(size(contacts%particle)), source=0.0_wp)
       call conduction%rate(time, state, rate)
       call conduction%add_held_rates(time, rate)
-      entry%stored_rate = sum(capacity*this%weight*rate)
+      entry%stored_rate = sum(capacity*weight*rate)
 
       ! What effects bring: within the body their power, through walls a flux at each contact
       allocate (missing(size(temperature)), source=0.0_wp)
@@ -232,7 +245,7 @@ contains
             if (account == 0) cycle
             power = 0
             call effect%add_power(medium, time, temperature, power)
-            entry%power(account) = entry%power(account) + sum(this%weight*power)
+            entry%power(account) = entry%power(account) + sum(weight*power)
           end associate
         end do
       end if
@@ -255,7 +268,7 @@ contains
         associate (i => contacts%particle(k), account => this%wall_account(contacts%side(k) + 1))
           if (contacts%holding(k)) flux(k) = missing(i)
           if (this%conservative) then
-            entry%power(account) = entry%power(account) + this%weight(i)*contacts%weight(k)*flux(k)
+            entry%power(account) = entry%power(account) + weight(i)*contacts%weight(k)*flux(k)
           else
             entry%power(account) = entry%power(account) + contacts%length(k)*flux(k)
           end if
@@ -264,10 +277,10 @@ contains
       entry%imbalance = entry%stored_rate - sum(entry%power)
       ! An expression may have no value beyond the last good state: its rate there is no number.
       if (.not. ieee_is_finite(entry%imbalance)) return
-      associate (all => max(sum(abs(capacity*this%weight*rate)), sum(abs(entry%power))))
+      associate (all => max(sum(abs(capacity*weight*rate)), sum(abs(entry%power))))
         if (all > 0) entry%imbalance = entry%imbalance/all
       end associate
     end associate
-  end subroutine evaluate
+  end subroutine add_up
 
 end module calor_heat_budget

@@ -10,10 +10,11 @@ module calor_memory_need
 
   public :: memory_need, further_need, check_memory, size_text
 
-  !> Measured at the highest. A neighbour is listed with its weight, and listed once more while that
-  !> happens; a particle has place, volume, area, normal, order, state and stages, 192 bytes, and
-  !> 35 entries of vectors in the search for unstable modes.
-  real(wp), parameter :: bytes_per_neighbour = 16, bytes_per_particle = 472
+  !> Measured at the highest, in the search for unstable modes, with up to a million particles.
+  !> A neighbour has two weights then, as assembled and as laid out for steps; a particle has
+  !> place, volume, area, normal, order, quality of its row and state, and some 25 entries of
+  !> vectors.
+  real(wp), parameter :: bytes_per_neighbour = 24, bytes_per_particle = 460
 
 contains
 

@@ -28,11 +28,12 @@ module calor_method_choice
   !> Seconds of one core for: a row and an entry of a product, and what it takes anyway; a row in
   !> the vector updates of a stage; an entry of the factors in a solution; a floating-point
   !> operation of the factorisation, and an entry of the factors and of the matrix in it
-  real(wp), parameter :: row_seconds = 1.0e-9_wp, entry_seconds = 6.0e-10_wp
+  real(wp), parameter :: row_seconds = 2.0e-10_wp, entry_seconds = 4.2e-10_wp
   real(wp), parameter :: call_seconds = 1.0e-6_wp
-  !> More entries than that do not fit into a core's own cache, and all takes longer by that factor
-  real(wp), parameter :: cached_entries = 2.0e5_wp, from_memory = 1.7_wp
-  real(wp), parameter :: stage_seconds = 2.0e-9_wp, solution_seconds = 1.5e-9_wp
+  !> More entries than that do not fit into a core's own cache, or into the one that cores share,
+  !> and all takes longer by that factor
+  real(wp), parameter :: cached_entries(2) = [2.0e5_wp, 5.0e6_wp], slower(2) = [1.3_wp, 1.7_wp]
+  real(wp), parameter :: stage_seconds = 4.0e-10_wp, solution_seconds = 1.6e-9_wp
   real(wp), parameter :: operation_seconds = 4.0e-10_wp, factor_seconds = 8.0e-9_wp, &
                          matrix_seconds = 1.0e-7_wp
   !> Entries of both factors of a matrix with m entries in each of n rows: this times m n log2 n.
@@ -283,7 +284,8 @@ contains
     in_matrix = problem%entries + problem%rows
     in_factors = fill*in_matrix*log(max(2.0_wp, problem%rows))/log(2.0_wp)
     cost%seconds = cost%products*stage_cost(problem) + &
-                   3*cost%steps*(in_factors*solution_seconds + problem%rows*stage_seconds) + &
+                   3*cost%steps*(slowdown(in_factors)*in_factors*solution_seconds + &
+                                 problem%rows*stage_seconds) + &
                    matrix_seconds*in_matrix + min(cost%steps, real(usual_factorisations, wp))* &
                    (factor_seconds*in_factors + operation_seconds*operations*in_matrix**1.5_wp)
   end function tr_bdf2_cost
@@ -336,8 +338,18 @@ contains
 
     seconds = call_seconds + problem%rows*(row_seconds + stage_seconds) + &
               problem%entries*entry_seconds
-    if (problem%entries > cached_entries) seconds = from_memory*seconds
+    seconds = slowdown(problem%entries)*seconds
   end function stage_cost
+
+  !> By how much what streams through so many entries takes longer than what stays in the cache
+  pure function slowdown(entries) result(factor)
+    real(wp), intent(in) :: entries
+    real(wp) :: factor
+
+    factor = 1
+    if (entries > cached_entries(1)) factor = slower(1)
+    if (entries > cached_entries(2)) factor = slower(2)
+  end function slowdown
 
   !> 'exponential: 1 step, 45 products, 0.2 ms; rkl2: …', of one core
   function sentence(this) result(text)

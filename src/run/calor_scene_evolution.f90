@@ -113,8 +113,6 @@ contains
     end if
     call conduction%agree(error)
     if (allocated(error)) return
-    conduction%x = cloud%x
-    conduction%y = cloud%y
     conduction%user_index = cloud%user_index
     conduction%single_weights = scene%single_weights
     call conduction%note_range(temperature)

@@ -6,6 +6,7 @@ module calor_simulation
   use calor_cloud, only: cloud_t
   use calor_conduction, only: conduction_t
   use calor_error_transport, only: error_transport_t
+  use calor_freed_memory, only: give_back_freed_memory
   use calor_effect, only: effect_slot_t
   use calor_error, only: error_t, raise, status_bad_file, status_bad_input, status_bad_numbers
   use calor_evolution, only: evolution_t
@@ -136,7 +137,7 @@ module calor_simulation
     procedure :: resume
     !> Step to the end and write what the scene asks for
     procedure :: run
-    procedure, private :: free_rows
+    procedure, private :: free_what_steps_spare
     !> Lay the state aside, and take it up again
     procedure :: save => save_simulation
     procedure :: restore => restore_simulation
@@ -313,7 +314,8 @@ contains
     type(error_t), allocatable, intent(out) :: error
     !> Who is told about the progress
     class(observer_t), intent(inout), optional, target :: observer
-    !> Keep no more of what is known of the rows than steps and files need
+    !> Keep no more of cloud and rows than steps and files need. Where particles are and which area
+    !> they have is in `conduction%medium` then, if not in `cloud`
     logical, intent(in), optional :: lean
     type(checkpoint_clock_t), target :: clock
     type(simulation_file_t) :: file
@@ -321,6 +323,8 @@ contains
     real(wp) :: next
     !> Whether the run was interrupted, and whether the state lies between two that are written
     logical :: stopped, amid
+    !> Whether memory that is not needed goes back to the system
+    logical :: frugal
 
     call this%certify(error)
     if (allocated(error)) return
@@ -330,7 +334,9 @@ contains
     end if
     call this%open_file(file, error)
     if (allocated(error)) return
-    if (present(lean)) call this%free_rows(lean)
+    frugal = .false.
+    if (present(lean)) frugal = lean
+    if (frugal) call this%free_what_steps_spare()
     if (present(observer)) clock%next => observer
     call clock%start(this%scene%checkpoint, this%time)
     this%stepper%listener => clock
@@ -339,6 +345,7 @@ contains
       if (allocated(this%motion)) call this%settle_rows(error)
       if (.not. allocated(error)) call this%write_present_state(file, file_error, observer)
     end if
+    if (frugal) call give_back_freed_memory()
     do while (this%time < this%scene%time%end .and. .not. this%scene%time%steady)
       if (allocated(error) .or. allocated(file_error)) exit
       next = this%next_output()
@@ -358,6 +365,7 @@ contains
       if (.not. amid) this%written = this%written + 1
       ! After a failure the state is the last good one: it is written too.
       call this%write_present_state(file, file_error, observer)
+      if (frugal) call give_back_freed_memory()
       if (amid .or. allocated(error) .or. allocated(file_error)) exit
       if (stopped .or. clock%is_due(this%time) .or. &
           (this%scene%checkpoint%asked .and. .not. this%time < this%scene%time%end)) then
@@ -681,7 +689,7 @@ contains
       call state%leave()
       if (allocated(error)) return
       if (renewed) call this%adopt_rows(rows)
-      if (this%scene%motion%shifting) call this%budget%weigh(this%cloud%area)
+      if (this%scene%motion%shifting) call this%budget%weigh_by_area()
     end if
     call this%conduction%restore(state)
     if (allocated(this%estimate)) call this%estimate%restore(state)
@@ -817,19 +825,23 @@ contains
     end if
   end function states_after_start
 
-  !> Free what set-up has left of rows and steps do not need. Implicit steps and the estimate of the
-  !> error take the rows as they were assembled, moving particles new ones.
-  subroutine free_rows(this, lean)
+  !> Free what set-up has left of cloud and rows and steps do not need. Implicit steps and the
+  !> estimate of the error take the rows as they were assembled, moving particles new ones, and an
+  !> estimate from a coarser run the places of the cloud.
+  subroutine free_what_steps_spare(this)
     class(simulation_t), intent(inout) :: this
-    logical, intent(in) :: lean
+    type(cloud_t) :: bare
 
-    if (.not. lean .or. allocated(this%motion) .or. allocated(this%estimate)) return
-    if (this%scene%time%steady .or. this%method == 'tr_bdf2') return
-    call this%conduction%keep_streamed_rows()
+    if (allocated(this%motion) .or. allocated(this%estimate) .or. this%scene%time%steady) return
+    if (this%method /= 'tr_bdf2') call this%conduction%keep_streamed_rows()
     this%report = row_report_t()
     this%repairs = row_repairs_t()
     if (allocated(this%radius)) deallocate (this%radius)
-  end subroutine free_rows
+    if (allocated(this%coarser)) return
+    bare%spacing = this%cloud%spacing
+    call move_alloc(this%cloud%boundary, bare%boundary)
+    this%cloud = bare
+  end subroutine free_what_steps_spare
 
   !> Fields about the rows, which change only where particles move, if the scene asks for them.
   subroutine write_row_fields(this, file)
@@ -1218,7 +1230,7 @@ contains
     if (.not. this%scene%motion%shifting) return
     call this%motion%share_area(this%cloud)
     this%conduction%medium%area = this%cloud%area
-    call this%budget%weigh(this%cloud%area)
+    call this%budget%weigh_by_area()
   end subroutine settle_rows
 
   !> Note what is known of new rows; where particles move, see whether the run can go on with them.
@@ -1285,10 +1297,12 @@ contains
     real(wp), allocatable :: exact(:)
     real(wp) :: norm
 
-    allocate (exact(this%cloud%particles()))
-    call this%exact%evaluate(this%cloud%x, this%cloud%y, this%time, values=exact)
-    norm = sqrt(sum(this%cloud%area*exact**2))
-    deviation = sqrt(sum(this%cloud%area*(this%temperature - exact)**2))
+    associate (medium => this%conduction%medium)
+      allocate (exact(medium%particles()))
+      call this%exact%evaluate(medium%x, medium%y, this%time, values=exact)
+      norm = sqrt(sum(medium%area*exact**2))
+      deviation = sqrt(sum(medium%area*(this%temperature - exact)**2))
+    end associate
     if (norm > 0) deviation = deviation/norm
   end function relative_l2_error
 
@@ -1470,9 +1484,9 @@ contains
     integer, intent(in) :: particle
     character(len=:), allocatable :: text
 
-    text = 'particle '//to_text(this%cloud%user_index(particle))//' at ('// &
-           to_text(this%cloud%x(particle), digits=6)//', '// &
-           to_text(this%cloud%y(particle), digits=6)//')'
+    text = 'particle '//to_text(this%conduction%user_index(particle))//' at ('// &
+           to_text(this%conduction%medium%x(particle), digits=6)//', '// &
+           to_text(this%conduction%medium%y(particle), digits=6)//')'
   end function name_particle
 
   !> Predict the number of steps: those of a pilot run, and the rest as long as its last one. Steps

@@ -27,7 +27,8 @@ module calor_simulation_file
     !> The state that is being put together
     type(field_state_t), private :: state
     type(text_t), allocatable, private :: fields(:)
-    !> Coordinates in the user's order, and where each particle of that order is in the cloud's
+    !> Coordinates in the user's order, kept where states need them, and where each particle of that
+    !> order is in the cloud's
     real(wp), allocatable, private :: x(:), y(:)
     integer, allocatable, private :: place(:)
     !> States written
@@ -91,15 +92,16 @@ contains
     this%fields = scene%output%fields
     allocate (this%place(cloud%particles()))
     this%place(cloud%user_index) = [(k, k=1, cloud%particles())]
-    this%x = cloud%x(this%place)
-    this%y = cloud%y(this%place)
     this%in_motion = scene%motion%in_force
+    x = cloud%x(this%place)
+    y = cloud%y(this%place)
+    if (this%in_motion .or. &
+        any([(needs_places(this%fields(k)%value), k=1, size(this%fields))])) then
+      this%x = x
+      this%y = y
+    end if
     if (present(earlier)) call earlier%read_places(1, x, y, error)
     if (allocated(error)) return
-    if (.not. present(earlier)) then
-      x = this%x
-      y = this%y
-    end if
     call this%file%create(scene%output%file, x, y, this%in_motion, error)
     if (allocated(error)) return
     do k = 1, size(this%file%copy)
@@ -344,6 +346,14 @@ contains
     end subroutine take_fields
 
   end subroutine take_over
+
+  !> Whether a field is made of where particles are
+  pure function needs_places(field) result(answer)
+    character(len=*), intent(in) :: field
+    logical :: answer
+
+    answer = field == 'exact' .or. field == 'error'
+  end function needs_places
 
   !> Whether a field is written with each state even where nothing moves
   pure function changes_with_time(field) result(answer)

@@ -142,8 +142,8 @@ contains
       allocate (repairs%repair(size(free)), source=as_written)
     end if
     conduction%diffusivity = 1
-    allocate (conduction%x, source=cloud%x)
-    allocate (conduction%y, source=cloud%y)
+    allocate (conduction%medium%x, source=cloud%x)
+    allocate (conduction%medium%y, source=cloud%y)
     allocate (conduction%user_index, source=cloud%user_index)
     allocate (conduction%prescribed(1))
     conduction%prescribed(1)%particle = pack([(int(k, ip), k=1, cloud%particles())], &

@@ -245,6 +245,7 @@ contains
                                     ipntr, workd, workl, info)
       rightmost%converged = info == 0
     end if
+    deallocate (residual, basis, workd)
     if (.not. rightmost%converged) then
       ! The best single vector there is: what many polynomials leave over
       call settle(evolution, degree, centre, focus, vectors(:, 1))

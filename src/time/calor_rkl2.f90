@@ -24,10 +24,10 @@ module calor_rkl2
 
   type, extends(integrator_t) :: rkl2_t
     private
-    !> F at the start and at the end of the step
+    !> F at the start of the step, and at its end; until then the latter holds every other stage
     real(wp), allocatable :: rate_start(:), rate_end(:)
-    !> F of a stage, and the two stages before
-    real(wp), allocatable :: rate_stage(:), stage(:, :)
+    !> F of a stage; afterwards what shows the error of the step
+    real(wp), allocatable :: rate_stage(:)
     !> The error of the step just computed is this times rate_stage
     real(wp) :: error_factor = 0.0_wp
     !> Whether rate_start belongs to the state that the next step starts from
@@ -101,7 +101,7 @@ contains
       trial = min(most_stages, ceiling(trial_growth*this%proven_stages))
       if (mod(trial, 2) == 0) trial = trial + 1
       if (trial > most_stages .or. trial == this%proven_stages) exit
-      if (is_stable(evolution, trial, reach(trial)/spectral_radius)) then
+      if (is_stable(this, evolution, trial, reach(trial)/spectral_radius)) then
         this%proven_stages = trial
       else
         this%exhausted = .true.
@@ -114,17 +114,19 @@ contains
   end subroutine shorten_step
 
   !> Whether steps of the linear problem shorten a vector of random numbers.
-  function is_stable(evolution, stages, step)
+  function is_stable(this, evolution, stages, step)
+    class(rkl2_t), intent(inout) :: this
     class(evolution_t), intent(inout) :: evolution
     integer, intent(in) :: stages
     real(wp), intent(in) :: step
     logical :: is_stable
-    real(wp), allocatable :: v(:), rate_start(:), work(:), stage(:, :)
+    real(wp), allocatable :: v(:), rate_start(:), even_stage(:)
     real(wp) :: before
-    integer :: k, j, n, i, older, newer
+    integer :: k, j, n, i
 
     n = evolution%unknowns()
-    allocate (v(n), rate_start(n), work(n), stage(n, 2))
+    call make_room(this, n)
+    allocate (v(n), rate_start(n), even_stage(n))
     call evolution%scatter(5, v)
     is_stable = .true.
     before = evolution%root_mean_square(v)
@@ -135,19 +137,17 @@ contains
       do i = 1, n
         v(i) = v(i)/before
         rate_start(i) = rate_start(i)/before
-        stage(i, 1) = v(i)
-        stage(i, 2) = v(i) + first_place(stages)*step*rate_start(i)
+        even_stage(i) = v(i)
+        this%rate_end(i) = v(i) + first_place(stages)*step*rate_start(i)
       end do
       !$omp end parallel do
-      older = 1
-      newer = 2
-      do j = 2, stages
-        call evolution%combine_with_jacobian(factors(j, stages, step), stage(:, newer), &
-                                             stage(:, older), work, v, rate_start)
-        newer = older
-        older = 3 - newer
+      do j = 2, stages, 2
+        call evolution%combine_with_jacobian(factors(j, stages, step), this%rate_end, even_stage, &
+                                             this%rate_stage, v, rate_start)
+        call evolution%combine_with_jacobian(factors(j + 1, stages, step), even_stage, &
+                                             this%rate_end, this%rate_stage, v, rate_start)
       end do
-      v = stage(:, newer)
+      v = this%rate_end
       before = evolution%root_mean_square(v)
       ! More than that would amplify rounding errors, whatever becomes of it later.
       if (before > 1.0e4_wp) exit
@@ -205,7 +205,7 @@ contains
     real(wp), intent(out), contiguous :: u_next(:)
     real(wp), intent(out) :: local_error
     real(wp) :: w1, third, place
-    integer :: stages, j, k, older, newer
+    integer :: stages, j, k
 
     call make_room(this, size(u))
     if (.not. this%started) then
@@ -216,31 +216,20 @@ contains
 
     stages = rkl2_stages(step, spectral_radius)
     w1 = 4.0_wp/(real(stages, wp)**2 + stages - 2)
-    older = 1
-    newer = 2
     place = first_place(stages)
     !$omp parallel do if (size(u) > worth_threads) schedule(static) default(shared) private(k)
     do k = 1, size(u)
-      this%stage(k, older) = u(k)
-      this%stage(k, newer) = u(k) + place*step*this%rate_start(k)
+      this%rate_end(k) = u(k)
+      u_next(k) = u(k) + place*step*this%rate_start(k)
     end do
     !$omp end parallel do
-    call evolution%impose(time + place*step, this%stage(:, newer))
+    call evolution%impose(time + place*step, u_next)
 
-    do j = 2, stages
-      call evolution%combine_with_rate(time + place*step, factors(j, stages, step), &
-                                       this%stage(:, newer), u, this%rate_start, &
-                                       this%stage(:, older), this%rate_stage)
-      place = (real(j, wp)**2 + j - 2)*w1/4
-      call evolution%impose(time + place*step, this%stage(:, older))
-      newer = older
-      older = 3 - newer
+    ! Stages are odd in number: the last one lands where it belongs.
+    do j = 2, stages, 2
+      call take_stage(j, u_next, this%rate_end)
+      call take_stage(j + 1, this%rate_end, u_next)
     end do
-    !$omp parallel do if (size(u) > worth_threads) schedule(static) default(shared) private(k)
-    do k = 1, size(u)
-      u_next(k) = this%stage(k, newer)
-    end do
-    !$omp end parallel do
     call evolution%rate(time + step, u_next, this%rate_end)
     this%evaluations = this%evaluations + stages
 
@@ -256,6 +245,21 @@ contains
     third = third_coefficient(stages)
     this%error_factor = (1.0_wp/6 - third)/(1.0_wp/4 - third)
     local_error = this%error_factor*evolution%root_mean_square(this%rate_stage)
+
+  contains
+
+    !> From the last stage and the one before, whose place it takes, to stage j
+    subroutine take_stage(j, newer, older)
+      integer, intent(in) :: j
+      real(wp), intent(in), contiguous :: newer(:)
+      real(wp), intent(inout), contiguous :: older(:)
+
+      call evolution%combine_with_rate(time + place*step, factors(j, stages, step), newer, u, &
+                                       this%rate_start, older, this%rate_stage)
+      place = (real(j, wp)**2 + j - 2)*w1/4
+      call evolution%impose(time + place*step, older)
+    end subroutine take_stage
+
   end subroutine advance
 
   !> Arrays for so many unknowns, where there are none yet
@@ -263,14 +267,12 @@ contains
     class(rkl2_t), intent(inout) :: this
     integer, intent(in) :: unknowns
 
-    if (allocated(this%stage)) return
+    if (allocated(this%rate_stage)) return
     if (.not. allocated(this%rate_start)) allocate (this%rate_start(unknowns))
-    allocate (this%rate_end(unknowns), this%rate_stage(unknowns), this%stage(unknowns, 2))
+    allocate (this%rate_end(unknowns), this%rate_stage(unknowns))
     call prefer_huge_pages(this%rate_start)
     call prefer_huge_pages(this%rate_end)
     call prefer_huge_pages(this%rate_stage)
-    call prefer_huge_pages(this%stage(:, 1))
-    call prefer_huge_pages(this%stage(:, 2))
   end subroutine make_room
 
   subroutine accept(this)
