@@ -317,9 +317,10 @@ contains
     end do
     flux_root = sqrt(cheap)*norm2(root(1:n)*stencil%q(1:n))
     do k = n + 1, size(found)
+      root(k) = 0
+      if (all(abs(basis(1:2, k)) <= 0)) cycle
       ! In units of the conductivity
-      root(k) = flux_root/max(norm2(basis(1:2, k)), tiny(1.0_wp))
-      if (all(abs(basis(1:2, k)) <= 0)) root(k) = 0
+      root(k) = flux_root/norm2(basis(1:2, k))
     end do
     ! Next to a better conductor weights are those nearest to what passes between two particles by
     ! the distance and the conductivities on the way, which is the same in both directions. Beyond
