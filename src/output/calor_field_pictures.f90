@@ -201,7 +201,7 @@ contains
     type(map_layout_t) :: layout
     type(map_view_t) :: view
     real(wp), allocatable :: values(:)
-    character(len=:), allocatable :: script
+    character(len=:), allocatable :: script, subject
     integer :: k, step
 
     allocate (names(0))
@@ -234,8 +234,10 @@ contains
       call put_on_grid(stored, names(k)%value, map, values, view)
       script = script//map_script(map, view, layout, k)
     end do
+    subject = 'all fields'
+    if (stored%has('field')) subject = 'the field and its derivatives'
     call write_pictures(files, '', layout%width, layout%height, script//'unset multiplot'//end, &
-                        'the field and its derivatives', written, error)
+                        subject, written, error)
   end subroutine draw_derivatives
 
   !> The range without the few values at its ends

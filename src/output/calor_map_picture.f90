@@ -154,8 +154,10 @@ contains
     real(wp), intent(in) :: levels(:), low, high
     character(len=:), allocatable :: script
     real(wp) :: x(2), y(2), edge(2), bar(4), unit
-    integer :: column, row, k
+    integer :: column, row, k, power
 
+    power = 0
+    if (view%lines) power = common_power(levels)
     column = mod(place - 1, layout%across)
     row = (place - 1)/layout%across
     ! A little more, so that rounding hides no mark at an end
@@ -190,7 +192,7 @@ contains
              part(bar(4), layout%height)//end// &
              'set title "'//in_script(view%title)//'" noenhanced'//end// &
              'set xlabel "x, m"'//end//'set ylabel "y, m"'//end// &
-             'set cblabel "'//in_script(view%label)//'" noenhanced offset '// &
+             'set cblabel "'//in_script(in_powers(view%label, power))//'" noenhanced offset '// &
              to_text(label_offset())//',0'//end// &
              'set tics out nomirror'//end//'set border 3 linewidth 0.7'//end//'unset key'//end// &
              'set xtics '//tics(x(2) - x(1), layout%map_width/(6*layout%letters))//end// &
@@ -203,7 +205,8 @@ contains
       script = script//'set cbtics ('
       do k = 1, size(levels)
         if (k > 1) script = script//','
-        script = script//'"'//to_text(levels(k), digits=6)//'" '//number(levels(k))
+        script = script//'"'//to_text(levels(k)*10.0_wp**(-power), digits=6)//'" '// &
+                 number(levels(k))
       end do
       script = script//')'//end
     end if
@@ -218,11 +221,53 @@ contains
       letters = 0
       if (layout%bar_below .or. .not. view%lines) return
       do k = 1, size(levels)
-        letters = max(letters, len(to_text(levels(k), digits=6)) - 2, 1)
+        letters = max(letters, len(to_text(levels(k)*10.0_wp**(-power), digits=6)) - 2, 1)
       end do
     end function label_offset
 
   end function frame_script
+
+  !> The power of ten, a multiple of 3, that numbers are told in where they are too long otherwise
+  pure function common_power(numbers) result(power)
+    real(wp), intent(in) :: numbers(:)
+    integer :: power
+    integer, parameter :: most_letters = 5
+    integer :: k
+
+    power = 0
+    do k = 1, size(numbers)
+      if (len(to_text(numbers(k), digits=6)) <= most_letters) cycle
+      power = 3*floor(log10(maxval(abs(numbers)))/3)
+      return
+    end do
+  end function common_power
+
+  !> A quantity whose numbers are told in a power of ten: 'temperature, 10⁻³ K'
+  pure function in_powers(label, power) result(text)
+    !> The quantity, and its unit behind the last comma
+    character(len=*), intent(in) :: label
+    integer, intent(in) :: power
+    character(len=:), allocatable :: text
+    character(len=3), parameter :: raised(0:9) = ['⁰', '¹ ', '² ', '³ ', '⁴', '⁵', '⁶', &
+        '⁷', '⁸', '⁹']
+    character(len=:), allocatable :: digits, factor
+    integer :: comma, k
+
+    text = label
+    if (power == 0 .or. label == '') return
+    digits = to_text(abs(power))
+    factor = '10'
+    if (power < 0) factor = factor//'⁻'
+    do k = 1, len(digits)
+      factor = factor//trim(raised(index('0123456789', digits(k:k)) - 1))
+    end do
+    comma = index(label, ', ', back=.true.)
+    if (comma == 0) then
+      text = label//', '//factor
+    else
+      text = label(:comma + 1)//factor//' '//label(comma + 2:)
+    end if
+  end function in_powers
 
   !> A step between marks on an axis, 1, 2 or 5 times a power of ten
   pure function tics(extent, most) result(text)
