@@ -12,6 +12,7 @@ module calor_shared_conduction
   use calor_parpack, only: pdnaupd, pdneupd
   use calor_random, only: random_uniform
   use calor_ranks, only: ranks_t
+  use calor_saved_state, only: saved_state_t
   use calor_sums, only: dot
   use petscmat, only: tmat, tvec, add_values, insert_values, mat_copy_values, mat_final_assembly, &
                       petsc_null_scalar, petsc_null_vec
@@ -61,6 +62,7 @@ module calor_shared_conduction
     procedure :: allowed_range
     procedure :: span
     procedure :: agree
+    procedure :: save => save_shared
   end type shared_conduction_t
 
 contains
@@ -372,5 +374,26 @@ contains
 
     call this%ranks%agree(error)
   end subroutine agree
+
+  !> What ranks have found by themselves is put together: others may take it up.
+  subroutine save_shared(this, state)
+    class(shared_conduction_t), intent(in) :: this
+    type(saved_state_t), intent(inout) :: state
+    real(wp) :: low, high
+
+    low = this%lowest
+    high = this%highest
+    call this%span(low, high)
+    call state%enter('conduction')
+    call state%put('range', [low, high])
+    call state%put('excursion', this%ranks%most(this%excursion))
+    call state%put('growing_steps', nint(this%ranks%most(real(this%growing_steps, wp))))
+    if (allocated(this%slope)) call state%put('slope', this%slope)
+    if (allocated(this%content)) then
+      call state%put('temperature_slope', this%temperature_slope)
+      call state%put('potential_slope', this%potential_slope)
+    end if
+    call state%leave()
+  end subroutine save_shared
 
 end module calor_shared_conduction

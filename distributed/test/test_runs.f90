@@ -34,12 +34,16 @@ contains
     if (length > 0) call get_environment_variable(name, value)
   end function environment
 
-  subroutine run_serial(name, status)
+  subroutine run_serial(name, status, options)
     character(len=*), intent(in) :: name
     integer, intent(out) :: status
+    character(len=*), intent(in), optional :: options
+    character(len=:), allocatable :: more
 
-    call execute_command_line(environment('CALOR_PROGRAM')//' run '//name//'.nml >'//name// &
-                              '.out 2>&1', exitstat=status)
+    more = ''
+    if (present(options)) more = ' '//options
+    call execute_command_line(environment('CALOR_PROGRAM')//' run '//name//'.nml'//more//' >'// &
+                              name//'.out 2>&1', exitstat=status)
   end subroutine run_serial
 
   !> Run by some ranks; what was said is in `name`.out.

@@ -81,8 +81,8 @@ module calor_conduction
     !> Whether that is all that is left of them
     logical, private :: only_streamed = .false.
     !> How far the last state left the range, and for how many steps that has grown
-    real(wp), private :: excursion = 0.0_wp
-    integer, private :: growing_steps = 0
+    real(wp) :: excursion = 0.0_wp
+    integer :: growing_steps = 0
   contains
     procedure :: unknowns
     procedure :: rate

@@ -555,6 +555,11 @@ contains
 
     call read_resume_point(scene, path, state, error)
     if (allocated(error)) return
+    if (state%has('particles_file')) then
+      call raise(error, status_bad_file, 'The checkpoint was written by calor-mpi: resume '// &
+                 scene%path//' by that.')
+      return
+    end if
     ! What certifies the operator is in the checkpoint.
     call this%prepare(scene, error, uncertified=.true.)
     if (allocated(error)) return
