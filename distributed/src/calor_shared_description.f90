@@ -92,6 +92,10 @@ contains
       call add(lines, 'Error', 'relative L2 error '//to_text(deviation, digits=3)//' at t = '// &
                to_text(simulation%time, digits=6)//' s')
     end if
+    if (size(simulation%entries) > 0) then
+      call add(lines, 'Heat', &
+               simulation%budget%words(simulation%entries(size(simulation%entries))))
+    end if
     call add(lines, 'Wall time', to_text(simulation%stopwatch%total(), digits=3)//' s')
     do k = 1, size(simulation%stopwatch%phases)
       associate (phase => simulation%stopwatch%phases(k))

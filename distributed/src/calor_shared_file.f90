@@ -8,6 +8,7 @@ module calor_shared_file
   use calor_error, only: error_t, raise, status_bad_file
   use calor_expression, only: expression_t
   use calor_field_file, only: field_file_t, stretches_t
+  use calor_heat_budget, only: budget_entry_t, heat_budget_t
   use calor_kinds, only: wp, i8
   use calor_ranks, only: ranks_t
   use calor_scene, only: scene_t
@@ -55,6 +56,8 @@ module calor_shared_file
     !> Note a figure or words about the run
     procedure :: note
     procedure :: say
+    !> Write the heat budget of all states
+    procedure :: write_budget
     !> Note wall times and close
     procedure :: close => close_file
     !> Let go of it after an error
@@ -351,6 +354,28 @@ contains
 
     if (this%in_use .and. this%ranks%speaks()) call this%file%set_attribute(name, value, error)
   end subroutine say
+
+  !> One data set for each account, of one number for each state.
+  subroutine write_budget(this, budget, entries)
+    class(shared_file_t), intent(inout) :: this
+    !> How the budget is made up, and those of the states
+    type(heat_budget_t), intent(in) :: budget
+    type(budget_entry_t), intent(in) :: entries(:)
+    type(error_t), allocatable :: error
+    integer :: j, k
+
+    if (.not. (this%in_use .and. this%ranks%speaks())) return
+    ! What fails here fails again on closing.
+    call this%file%write_series('budget_time', entries%time, error)
+    call this%file%write_series('budget_stored', entries%stored, error)
+    if (.not. budget%available) return
+    call this%file%write_series('budget_stored_rate', entries%stored_rate, error)
+    do k = 1, size(budget%account)
+      call this%file%write_series('budget_'//budget%account(k)%value, &
+                                  [(entries(j)%power(k), j=1, size(entries))], error)
+    end do
+    call this%file%write_series('budget_imbalance', entries%imbalance, error)
+  end subroutine write_budget
 
   subroutine close_file(this, phases, error)
     class(shared_file_t), intent(inout) :: this

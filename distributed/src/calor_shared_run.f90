@@ -75,7 +75,7 @@ contains
                        simulation%particles%bands%particles, effects_in_force(simulation), error)
         if (.not. allocated(error) .and. allocated(simulation%earlier_file)) then
           if (simulation%earlier_file == simulation%scene%output%file) then
-            call file%take_over(simulation%earlier_scene, simulation%state_time, error)
+            call file%take_over(simulation%earlier_scene, simulation%entries%time, error)
             if (allocated(error)) call file%abandon()
           end if
         end if
@@ -111,6 +111,7 @@ contains
         if (simulation%scene%exact_expression /= '') then
           call file%note('relative_l2_error', simulation%relative_l2_error())
         end if
+        call file%write_budget(simulation%budget, simulation%entries)
         call file%close(simulation%stopwatch%phases, file_error)
       end if
       if (allocated(file_error) .and. .not. allocated(error)) then

@@ -3,6 +3,7 @@
 module calor_shared_simulation
   use calor_error, only: error_t, raise, status_bad_file, status_bad_input, status_bad_numbers
   use calor_expression, only: expression_t, compile_expression
+  use calor_heat_budget, only: budget_entry_t, heat_budget_t
   use calor_integrators, only: make_integrator
   use calor_kinds, only: wp, i8
   use calor_method_choice, only: method_choice_t, problem_t, foresee_costs
@@ -64,8 +65,9 @@ module calor_shared_simulation
     type(stopwatch_t) :: stopwatch
     !> States written after the first; -1: not even that
     integer :: written = -1
-    !> Times of all states written, s
-    real(wp), allocatable :: state_time(:)
+    !> Where heat comes from and goes to, and that of all states written
+    type(heat_budget_t) :: budget
+    type(budget_entry_t), allocatable :: entries(:)
     !> The output file of a run that is resumed, and the text of the scene then
     character(len=:), allocatable :: earlier_file, earlier_scene
   contains
@@ -118,7 +120,7 @@ contains
 
     this%ranks = ranks
     this%scene = scene
-    this%state_time = [real(wp) ::]
+    allocate (this%entries(0))
     this%stepper%interruptible = .false.
     call refuse_unsupported(scene, error)
     if (.not. allocated(error)) call check_target(scene%output%file, scene%output%place, scene, &
@@ -192,6 +194,7 @@ contains
       allocate (this%content(size(this%temperature)))
       call this%conduction%find_state(this%temperature, this%content)
     end if
+    call this%budget%prepare(this%particles%cloud, this%conduction)
   end subroutine make_evolution
 
   subroutine start_temperature(this, error)
@@ -477,10 +480,18 @@ contains
     end if
   end function next_output
 
-  pure subroutine note_state(this)
+  !> All ranks take part.
+  subroutine note_state(this)
     class(shared_simulation_t), intent(inout) :: this
+    type(budget_entry_t), allocatable :: longer(:)
+    integer :: k
 
-    this%state_time = [this%state_time, this%time]
+    allocate (longer(size(this%entries) + 1))
+    do k = 1, size(this%entries)
+      longer(k) = this%entries(k)
+    end do
+    call this%budget%evaluate(this%conduction, this%time, this%state(), longer(size(longer)))
+    call move_alloc(longer, this%entries)
     this%written = max(this%written, 0)
   end subroutine note_state
 
@@ -529,7 +540,7 @@ contains
     call this%stepper%save(state)
     call this%conduction%save(state)
     call state%put('output_file', this%scene%output%file)
-    call state%put('state_time', this%state_time)
+    call this%budget%save_entries(this%entries, state)
   end subroutine save_simulation
 
   !> Take up what was laid aside, after `prepare`.
@@ -547,7 +558,7 @@ contains
     call state%get('method', this%method)
     call state%get('output_file', this%earlier_file)
     call state%get('scene', this%earlier_scene)
-    call state%get('state_time', this%state_time)
+    call this%budget%restore_entries(this%entries, state)
     call make_integrator(this%method, this%stepper%integrator, error)
     if (allocated(error)) return
     radius = this%stepper%spectral_radius
