@@ -273,6 +273,7 @@ RUNS = [  # laplacian, order, intervals, tolerance
     ("fatehi_manzari", 0, 76, 1e-5),
     ("consistent", 4, 20, 1e-5),
     ("consistent", 4, 60, 1e-7),
+    ("consistent", 6, 20, 1e-7),
     ("consistent", 6, 28, 1e-8),
     ("consistent", 8, 32, 1e-9),
     ("consistent", 8, 60, 1e-11),

@@ -9,6 +9,7 @@ module test_cloud_file
   use calor_field_file, only: field_file_t
   use calor_kinds, only: wp, i8
   use calor_text, only: text_t, to_text
+  use calor_trial, only: start_trial, end_trial
   use hdf5, only: hid_t, hsize_t, h5dclose_f, h5dcreate_f, h5dopen_f, h5dwrite_f, h5fclose_f, &
                   h5fopen_f, h5f_acc_rdwr_f, h5ldelete_f, h5sclose_f, h5screate_simple_f, &
                   h5t_native_double, h5t_native_integer
@@ -41,7 +42,9 @@ contains
                 new_unittest('vtkhdf', test_vtkhdf), &
                 new_unittest('vtkhdf without steps', test_vtkhdf_without_steps), &
                 new_unittest('wrong vtkhdf', test_wrong_vtkhdf), &
-                new_unittest('damaged hdf5', test_damaged_hdf5) &
+                new_unittest('damaged hdf5', test_damaged_hdf5), &
+                new_unittest('hdf5 that HDF5 does not bear', test_unbearable), &
+                new_unittest('trials in a process of their own', test_trial) &
                 ]
   end subroutine collect_cloud_file
 
@@ -446,6 +449,26 @@ contains
       if (allocated(error)) return
     end do
   end subroutine test_damaged_hdf5
+
+  !> One flipped bit in a list of names has HDF5 1.10 copy -1 bytes.
+  subroutine test_unbearable(error)
+    type(error_type), allocatable, intent(out) :: error
+
+    call check_trouble(error, 'data/damaged/cloud.vtkhdf', [character(40) :: 'damaged'])
+  end subroutine test_unbearable
+
+  subroutine test_trial(error)
+    type(error_type), allocatable, intent(out) :: error
+    logical :: inside, survived
+
+    call start_trial(inside, survived)
+    if (inside) error stop 'never seen'
+    call check(error, .not. survived)
+    if (allocated(error)) return
+    call start_trial(inside, survived)
+    if (inside) call end_trial()
+    call check(error, survived)
+  end subroutine test_trial
 
   ! ---------------------------------------------------------------------------------------------
 

@@ -371,6 +371,14 @@ contains
                              allocated(plain%conduction%power) .or. &
                              allocated(plain%conduction%slope) .or. &
                              allocated(plain%conduction%temperature) .or. &
+                             allocated(plain%conduction%potential) .or. &
+                             allocated(plain%conduction%temperature_slope) .or. &
+                             allocated(plain%conduction%potential_slope) .or. &
+                             allocated(plain%conduction%content) .or. &
+                             allocated(plain%conduction%jumps) .or. &
+                             allocated(plain%conduction%held_jumps) .or. &
+                             allocated(plain%conduction%local) .or. &
+                             allocated(plain%conduction%medium%local_capacity) .or. &
                              allocated(plain%content)), 'arrays in a plain scene')
     if (allocated(error)) return
     call check(error, size(plain%effects_in_force()), 2)

@@ -1,4 +1,4 @@
-!> Numbers of particles in a file, one column after the other, each in the user's order of particles.
+!> Numbers of particles in a file, one column after the other, each in the user's order.
 !>
 !> A rank writes and reads a stretch of each column, so that none holds the whole. The file consists
 !> of 8 bytes a number and nothing else; what it is said to be, and the checksum of what each of the

@@ -193,6 +193,8 @@ contains
     allocate (file%sum(len(sums)/16), source=0_i8)
     do k = 1, size(file%sum)
       read (sums(16*k - 15:16*k), '(z16)', iostat=status) file%sum(k)
+      ! What is no number is no checksum of anything that is there.
+      if (status /= 0) file%sum(k) = 0
     end do
     ! An older one is beside the same files.
     base = resolved_path(path_of(scene, path))

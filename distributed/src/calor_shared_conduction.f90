@@ -69,6 +69,9 @@ module calor_shared_conduction
     procedure :: own_particles
     procedure :: add_up
     procedure :: apply_held_rows
+    procedure :: join_counts
+    procedure :: join_reals
+    procedure :: whole_number
   end type shared_conduction_t
 
 contains
@@ -449,5 +452,43 @@ contains
     end if
     call state%leave()
   end subroutine save_shared
+
+  subroutine join_counts(this, list)
+    class(shared_conduction_t), intent(in) :: this
+    integer, allocatable, intent(inout) :: list(:)
+    integer :: received(this%ranks%ranks)
+    integer(i8), allocatable :: taken(:)
+
+    associate (sent => spread(size(list), 1, this%ranks%ranks))
+      call this%ranks%announce(sent, received)
+      allocate (taken(sum(received)))
+      call this%ranks%exchange(sent, reshape(spread(int(list, i8), 2, this%ranks%ranks), &
+                                             [size(list)*this%ranks%ranks]), received, taken)
+    end associate
+    list = int(taken)
+  end subroutine join_counts
+
+  subroutine join_reals(this, list)
+    class(shared_conduction_t), intent(in) :: this
+    real(wp), allocatable, intent(inout) :: list(:)
+    integer :: received(this%ranks%ranks)
+    real(wp), allocatable :: taken(:)
+
+    associate (sent => spread(size(list), 1, this%ranks%ranks))
+      call this%ranks%announce(sent, received)
+      allocate (taken(sum(received)))
+      call this%ranks%exchange(sent, reshape(spread(list, 2, this%ranks%ranks), &
+                                             [size(list)*this%ranks%ranks]), received, taken)
+    end associate
+    list = taken
+  end subroutine join_reals
+
+  elemental function whole_number(this, particle) result(number)
+    class(shared_conduction_t), intent(in) :: this
+    integer, intent(in) :: particle
+    integer :: number
+
+    number = int(this%number(particle))
+  end function whole_number
 
 end module calor_shared_conduction

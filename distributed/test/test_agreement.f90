@@ -32,6 +32,7 @@ contains
              new_unittest('polygon with radiation and flux', test_polygon), &
              new_unittest('melting', test_melting), &
              new_unittest('steady', test_steady), &
+             new_unittest('VTK''s reader opens the file', test_vtk), &
              new_unittest('implicit steps', test_implicit)]
   end subroutine collect_agreement
 
@@ -288,5 +289,29 @@ contains
                           '&time steady=.true. /', &
                           '&output file=''steady.vtkhdf'' /'], [1, 2, 4], error, budget=.false.)
   end subroutine test_steady
+
+  !> Where VTK's reader is installed (`tools/set_up.sh vtk`)
+  subroutine test_vtk(error)
+    type(error_type), allocatable, intent(out) :: error
+    character(len=*), parameter :: python = '../../.venv-vtk/bin/python'
+    logical :: there
+    integer :: status
+
+    inquire (file=python, exist=there)
+    if (.not. there) return
+    call write_scene('vtk', [character(len=wide) :: &
+                             '&domain shape=''rectangle'' x_range=0,1 y_range=0,1 spacing=0.05 /', &
+                             '&initial temperature=1 /', &
+                             '&boundary on=''all'' kind=''insulated'' /', &
+                             '&time end=0.02 method=''rkl2'' /', &
+                             '&output file=''vtk.vtkhdf'' every=0.01 /'])
+    call run_ranks('vtk', 3, status)
+    if (status == 0) then
+      call execute_command_line(python//' ../../tools/check_vtk.py vtk.vtkhdf --steps 3 '// &
+                                '--points 441 --times 0,0.01,0.02 --minimum 1 --maximum 1 '// &
+                                '>vtk.out 2>&1', exitstat=status)
+    end if
+    if (status /= 0) call test_failed(error, 'status '//to_text(status)//': vtk.out')
+  end subroutine test_vtk
 
 end module test_agreement

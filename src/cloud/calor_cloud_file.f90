@@ -15,6 +15,7 @@ module calor_cloud_file
   use calor_machine_memory, only: available_memory
   use calor_slice, only: slice_t
   use calor_text, only: text_t, to_text, lower_case, join
+  use calor_trial, only: start_trial, end_trial
   use hdf5, only: hid_t, hsize_t, h5kind_to_type, &
                   h5_real_kind, h5s_select_set_f, h5t_float_f, h5t_integer_f, &
                   h5dclose_f, h5dget_space_f, h5dget_storage_size_f, h5dget_type_f, &
@@ -781,9 +782,19 @@ contains
     type(hdf5_silence_t) :: silence
     integer(hid_t) :: file_id
     integer :: status
+    logical :: inside, survived
 
     has_volume = .false.
     has_wall = .false.
+    ! Who reads a slice is one of many processes that exchange messages, which cannot be copied.
+    inside = .false.
+    survived = .true.
+    if (.not. present(slice)) call start_trial(inside, survived)
+    if (.not. survived) then
+      call raise(error, status_bad_input, 'The cloud''s file '''//path// &
+                 ''' is a damaged HDF5 file, which HDF5 cannot read: write or copy it again.')
+      return
+    end if
     call silence%begin()
     call start_hdf5(status)
     if (status >= 0) call open_hdf5_file(path, file_id, status)
@@ -794,6 +805,7 @@ contains
       call h5fclose_f(file_id, status)
     end if
     call silence%finish()
+    if (inside) call end_trial()
   end subroutine read_vtkhdf
 
   subroutine read_particles(path, file_id, cloud, wall, has_volume, has_wall, error, slice)

@@ -3,17 +3,21 @@
 !>
 !> A function u at a particle of material A, about the foot r₀ of its perpendicular on the interface
 !> with material B: u = u₀ + g s + τ t + a s²/2 + b s t + c t²/2, where s is measured along the
-!> normal n from A to B and t along the interface. Beyond a straight interface it goes on as
-!> u₀ + g' s + τ t + a' s²/2 + b' s t + c t²/2, for the temperature is continuous all along it. The
-!> flux n·K∇u is so too: with N = n·K n, M = n·K t, P = t·K t, t being the unit vector along the
-!> interface, and commas for derivatives,
+!> normal n from A to B and t along the tangent. Beyond an interface s = χ t²/2 it goes on as
+!> u₀ + g' s + τ t + a' s²/2 + b' s t + c' t²/2 with
+!>
+!>     c' = c + χ (g - g'),
+!>
+!> for the temperature is continuous all along it. The flux is so too: with N = n·K n, M = n·K t,
+!> P = t·K t and commas for derivatives,
 !>
 !>     N_B g' + M_B τ = N_A g + M_A τ,
-!>     N_B b' + N_B,t g' + M_B c + M_B,t τ = N_A b + N_A,t g + M_A c + M_A,t τ,
+!>     N_B b' + N_B,t g' + M_B c' + M_B,t τ - χ (M_B g' + P_B τ)
+!>         = N_A b + N_A,t g + M_A c + M_A,t τ - χ (M_A g + P_A τ),
 !>
 !> and so is ∂u/∂t, so that div(K ∇u)/(ρc) is the same on both sides: with D = div K,
 !>
-!>     N_B a' + 2 M_B b' + P_B c + D_B·n g' + D_B·t τ
+!>     N_B a' + 2 M_B b' + P_B c' + D_B·n g' + D_B·t τ
 !>         = (ρc)_B/(ρc)_A [N_A a + 2 M_A b + P_A c + D_A·n g + D_A·t τ].
 !>
 !> In isotropic materials N = P = κ, M = 0 and D = ∇κ.
@@ -37,8 +41,16 @@ module calor_material_flow
   real(wp), parameter :: patch = 2.5_wp
   !> An interface so many spacings away matters for no row
   real(wp), parameter :: farthest = 12.0_wp
+  !> Where it meets a wall so many spacings from a particle, both its parts belong to the particle
+  real(wp), parameter :: junction = 0.1_wp
   !> Bisections that find it between two particles
   integer, parameter :: bisections = 52
+  !> An interface that bends with less than this many spacings of radius has a corner: 1/2.5
+  real(wp), parameter :: sharpest = 0.4_wp
+  !> A particle nearer to it than so many spacings lies on it
+  real(wp), parameter :: touching = 1.0e-6_wp
+  !> Steps of Newton's method to the nearest point of a parabola
+  integer, parameter :: newton_steps = 8
 
   !> N, M and P, their derivatives along the interface, and div K towards the other side and along
   type :: conduction_at_t
@@ -53,6 +65,8 @@ module calor_material_flow
     integer :: beyond = 0
     !> Foot of the perpendicular, relative to the particle, m, and normal towards the other side
     real(wp) :: foot(2) = 0.0_wp, normal(2) = 0.0_wp
+    !> How the interface bends: s = curvature t²/2 along it, 1/m
+    real(wp) :: curvature = 0.0_wp
     !> What conducts at the foot on either side
     type(conduction_at_t) :: here, there
     !> (ρc)_B/(ρc)_A
@@ -84,12 +98,16 @@ module calor_material_flow
     procedure :: touch
     !> The interface with one of them as a particle sees it
     procedure :: contact_at
+    procedure, private :: find_points
     procedure, private :: see_interface
     procedure, private :: fill_sides
   end type material_flow_t
 
 contains
 
+  !> A particle on an interface may count to either side. It counts to that which conducts better,
+  !> whatever `this%material` says, for there heat spreads along the interface: others exchange more
+  !> heat with it than a row of the worse conductor would with them.
   subroutine find_interfaces(this, materials, x, y, spacing)
     class(material_flow_t), intent(inout) :: this
     !> The materials; `this%material` is set
@@ -97,6 +115,36 @@ contains
     !> Coordinates of the particles, and their spacing, m
     real(wp), intent(in) :: x(:), y(:)
     real(wp), intent(in) :: spacing
+    integer, allocatable :: beyond(:)
+    integer :: k
+
+    call this%find_points(materials, x, y, spacing, beyond)
+    do k = 1, size(x)
+      if (beyond(k) == 0) cycle
+      if (conducts(beyond(k), k) > conducts(this%material(k), k)) this%material(k) = beyond(k)
+    end do
+    if (any(beyond > 0)) call this%find_points(materials, x, y, spacing, beyond)
+
+  contains
+
+    !> The trace of a material's conductivity at a particle
+    function conducts(material, particle) result(trace)
+      integer, intent(in) :: material, particle
+      real(wp) :: trace
+      real(wp) :: value(3, 1)
+
+      call materials%conductivity_at(material, [x(particle)], [y(particle)], value)
+      trace = value(1, 1) + value(2, 1)
+    end function conducts
+
+  end subroutine find_interfaces
+
+  subroutine find_points(this, materials, x, y, spacing, beyond)
+    class(material_flow_t), intent(inout) :: this
+    type(materials_t), intent(in) :: materials
+    real(wp), intent(in) :: x(:), y(:), spacing
+    !> The material that a particle touches; 0: none, it is within its own
+    integer, allocatable, intent(out) :: beyond(:)
     type(neighbour_list_t) :: list
     integer(ip), allocatable :: one(:), other(:)
     integer, allocatable :: found(:), own(:)
@@ -137,7 +185,14 @@ contains
     this%x = x(one) + near*(x(other) - x(one))
     this%y = y(one) + near*(y(other) - y(one))
     this%side = reshape([own, this%material(other)], [used, 2])
-  end subroutine find_interfaces
+    allocate (beyond(size(x)), source=0)
+    do k = 1, used
+      associate (distance => hypot(x(other(k)) - x(one(k)), y(other(k)) - y(one(k))))
+        if (near(k)*distance < touching*spacing) beyond(one(k)) = this%material(other(k))
+        if ((1 - far(k))*distance < touching*spacing) beyond(other(k)) = own(k)
+      end associate
+    end do
+  end subroutine find_points
 
   pure function touch(this, one, other) result(answer)
     class(material_flow_t), intent(in) :: this
@@ -231,8 +286,8 @@ contains
     end do
   end subroutine focus
 
-  !> The interface with another material nearest to a particle: a straight line through the points
-  !> found on it, by least squares of their distances from it.
+  !> The interface with another material nearest to a particle: a parabola through the points found
+  !> on it, by least squares of their distances from it.
   subroutine see_interface(this, other, x, y, spacing, particle, seen, there)
     class(material_flow_t), intent(in) :: this
     integer, intent(in) :: other
@@ -243,7 +298,8 @@ contains
     logical, intent(out) :: there
     real(wp), allocatable :: dx(:), dy(:), weight(:)
     logical, allocatable :: chosen(:)
-    real(wp) :: centre(2), sxx, sxy, syy, angle, mean(2)
+    real(wp) :: centre(2), sxx, sxy, syy, angle, mean(2), curve(3), along, depth, slope
+    integer :: k
 
     associate (own => this%material(particle))
       chosen = (this%side(:, 1) == own .and. this%side(:, 2) == other) .or. &
@@ -272,8 +328,52 @@ contains
       mean = [sum(x, near), sum(y, near)]/max(1, count(near)) - [x(particle), y(particle)] - centre
     end associate
     if (dot_product(mean, seen%normal) < 0) seen%normal = -seen%normal
-    seen%foot = dot_product(centre, seen%normal)*seen%normal
+    associate (n => seen%normal, t => [-seen%normal(2), seen%normal(1)])
+      call fit_parabola(t(1)*dx + t(2)*dy, n(1)*dx + n(2)*dy, weight, spacing, curve)
+      ! The point of s = c₁ + c₂ t + c₃ t²/2 nearest to the particle
+      along = 0
+      do k = 1, newton_steps
+        depth = curve(1) + along*(curve(2) + along*curve(3)/2)
+        slope = curve(2) + along*curve(3)
+        along = along - (along + depth*slope)/(1 + slope**2 + max(0.0_wp, depth*curve(3)))
+      end do
+      depth = curve(1) + along*(curve(2) + along*curve(3)/2)
+      slope = curve(2) + along*curve(3)
+      seen%foot = along*t + depth*n
+      seen%normal = (n - slope*t)/hypot(1.0_wp, slope)
+      seen%curvature = curve(3)/(1 + slope**2)**1.5_wp
+    end associate
+    ! The particle is on its own side of it.
+    depth = dot_product(seen%foot, seen%normal)
+    if (depth < 0) seen%foot = seen%foot - depth*seen%normal
   end subroutine see_interface
+
+  !> s = c₁ + c₂ t + c₃ t²/2 by least squares; c₃ = 0 where points do not tell it, or where it would
+  !> bend within few spacings: such a place is a corner.
+  pure subroutine fit_parabola(t, s, weight, spacing, curve)
+    !> Points, m, their weights, which sum to 1, and the spacing, m
+    real(wp), intent(in) :: t(:), s(:), weight(:), spacing
+    !> 1 and m and 1/m
+    real(wp), intent(out) :: curve(3)
+    real(wp) :: mean_t, mean_s, variance, bend(size(t)), rest(size(t))
+
+    mean_t = sum(weight*t)
+    mean_s = sum(weight*s)
+    variance = sum(weight*(t - mean_t)**2)
+    curve = [mean_s, 0.0_wp, 0.0_wp]
+    if (.not. variance > (1.0e-3_wp*spacing)**2) return
+    curve(2) = sum(weight*(t - mean_t)*(s - mean_s))/variance
+    ! The part of t²/2 that no straight line has
+    bend = 0.5_wp*((t - mean_t)**2 - variance - &
+                   sum(weight*(t - mean_t)**3)/variance*(t - mean_t))
+    rest = s - mean_s - curve(2)*(t - mean_t)
+    if (sum(weight*bend**2) > (1.0e-2_wp*spacing**2)**2) then
+      curve(3) = sum(weight*bend*rest)/sum(weight*bend**2)
+      if (abs(curve(3))*spacing > sharpest) curve(3) = 0
+    end if
+    curve(2) = curve(2) - curve(3)*(mean_t + sum(weight*(t - mean_t)**3)/(2*variance))
+    curve(1) = mean_s - mean_t*curve(2) - curve(3)*(mean_t**2 + variance)/2
+  end subroutine fit_parabola
 
   !> Properties on both sides of the interfaces of particles, as far as one material is concerned
   subroutine fill_sides(this, materials, which, x, y, spacing, particles)
@@ -340,7 +440,7 @@ contains
   end function between
 
   subroutine describe(this, particle, neighbours, dx, dy, radius, degree, wanted, basis, known, &
-                      outward, slope, pace, ease)
+                      outward, slope, slope_beyond, pace, ease, passing)
     class(material_flow_t), intent(in) :: this
     integer(ip), intent(in) :: particle
     integer(ip), intent(in) :: neighbours(:)
@@ -350,9 +450,9 @@ contains
     real(wp), intent(out) :: basis(:, :)
     logical, intent(out) :: known(:)
     real(wp), intent(in) :: outward(:, :)
-    real(wp), intent(out) :: slope(:, :)
+    real(wp), intent(out) :: slope(:, :), slope_beyond(:, :)
     real(wp), intent(out) :: pace
-    real(wp), intent(out) :: ease(:)
+    real(wp), intent(out) :: ease(:), passing(:)
     real(wp) :: beyond(5, 6), s, t
     integer :: k, a, b, j
 
@@ -363,6 +463,7 @@ contains
         wanted(1:2) = this%divergence(:, here)*radius
         wanted(3:5) = [2*kappa(1), 2*kappa(3), 2*kappa(2)]
         slope = 0
+        slope_beyond = 0
         do k = 1, size(outward, 2)
           slope(1:2, k) = [kappa(1)*outward(1, k) + kappa(3)*outward(2, k), &
                            kappa(3)*outward(1, k) + kappa(2)*outward(2, k)]
@@ -378,8 +479,10 @@ contains
         end do
       end do
       ease = 1
+      passing = 1
       do j = this%first(here), this%first(here + 1) - 1
         call find_ease(this%crossing(j), this%width/radius, dx, dy, radius, ease)
+        call find_passing(this%crossing(j), this%material(neighbours), dx, dy, radius, passing)
         call continue_beyond(this%crossing(j), radius, beyond)
         associate (crossing => this%crossing(j))
           pace = max(pace, (crossing%there%n + crossing%there%p)/ &
@@ -387,6 +490,10 @@ contains
         end associate
         ! Beyond degree 2 nothing is known of the other side.
         if (degree > 2) cycle
+        do k = 1, size(outward, 2)
+          call find_slope_beyond(this%crossing(j), junction*this%width/radius, radius, beyond, &
+                                 outward(:, k), slope_beyond(1:5, k))
+        end do
         do k = 1, size(neighbours)
           if (this%material(neighbours(k)) /= this%crossing(j)%beyond) cycle
           associate (crossing => this%crossing(j), x => dx(k) - this%crossing(j)%foot(1)/radius, &
@@ -404,6 +511,34 @@ contains
       end do
     end associate
   end subroutine describe
+
+  !> n·K∇u on the wall beyond an interface, where that meets the wall near the particle; else the
+  !> column is left as it is.
+  pure subroutine find_slope_beyond(crossing, near, radius, beyond, outward, column)
+    type(crossing_t), intent(in) :: crossing
+    !> How near that is, in units of the support radius, and that, m
+    real(wp), intent(in) :: near, radius
+    !> What the functions are beyond the interface
+    real(wp), intent(in) :: beyond(5, 6)
+    !> The wall's normal
+    real(wp), intent(in) :: outward(2)
+    !> What it is for each function
+    real(wp), intent(inout) :: column(5)
+    real(wp) :: tangent(2), depth, towards, t, flux(5, 2)
+
+    associate (n => crossing%normal, there => crossing%there)
+      tangent = [-n(2), n(1)]
+      depth = dot_product(crossing%foot, n)/radius
+      ! Along the wall, (-outward₂, outward₁)
+      towards = outward(1)*n(2) - outward(2)*n(1)
+      if (.not. depth < near*abs(towards) .or. crossing%here%n > there%n) return
+      t = depth/towards*(outward(1)*tangent(2) - outward(2)*tangent(1))
+      flux(:, 1) = beyond(:, 2) + beyond(:, 5)*t
+      flux(:, 2) = beyond(:, 3) + beyond(:, 6)*t
+      flux = matmul(flux, reshape([there%n, there%m, there%m, there%p], [2, 2]))
+      column = matmul(flux, [dot_product(outward, n), dot_product(outward, tangent)])
+    end associate
+  end subroutine find_slope_beyond
 
   !> A particle nearer to an interface than half a spacing conducts partly as the other material
   !> does, as in finite volumes; between two particles the harmonic mean counts.
@@ -437,18 +572,38 @@ contains
 
   end subroutine find_ease
 
-  !> u₀, g', τ, a', b', c of x, y, x², xy, y², offsets from the particle in units of a radius: a row
-  !> for each.
+  !> What passes between a particle and a neighbour beyond an interface goes one part of the way
+  !> through either material, one after the other.
+  pure subroutine find_passing(crossing, material, dx, dy, radius, passing)
+    type(crossing_t), intent(in) :: crossing
+    integer, intent(in) :: material(:)
+    real(wp), intent(in) :: dx(:), dy(:), radius
+    real(wp), intent(inout) :: passing(:)
+    real(wp) :: depth, height
+    integer :: k
+
+    depth = max(0.0_wp, dot_product(crossing%foot, crossing%normal)/radius)
+    do k = 1, size(passing)
+      if (material(k) /= crossing%beyond) cycle
+      height = max(0.0_wp, dx(k)*crossing%normal(1) + dy(k)*crossing%normal(2) - depth)
+      if (.not. depth + height > 0) cycle
+      passing(k) = (depth + height)/(depth + height*crossing%here%n/crossing%there%n)
+    end do
+  end subroutine find_passing
+
+  !> u₀, g', τ, a', b', c' of x, y, x², xy, y², offsets from the particle in units of a radius: a
+  !> row for each.
   pure subroutine continue_beyond(crossing, radius, beyond)
     type(crossing_t), intent(in) :: crossing
     real(wp), intent(in) :: radius
     real(wp), intent(out) :: beyond(5, 6)
     real(wp) :: x, y, u, gradient(2), hessian(2, 2), tangent(2)
-    real(wp) :: g, tau, a, b, c, g_beyond, b_beyond
+    real(wp) :: g, tau, a, b, c, g_beyond, b_beyond, c_beyond, bend
     integer :: k
 
     x = crossing%foot(1)/radius
     y = crossing%foot(2)/radius
+    bend = crossing%curvature*radius
     tangent = [-crossing%normal(2), crossing%normal(1)]
     do k = 1, 5
       hessian = 0
@@ -480,16 +635,18 @@ contains
       c = dot_product(tangent, matmul(hessian, tangent))
       associate (here => crossing%here, there => crossing%there)
         g_beyond = (here%n*g + (here%m - there%m)*tau)/there%n
-        b_beyond = (here%n*b + (here%m - there%m)*c + radius*(here%n_along*g + &
-                    (here%m_along - there%m_along)*tau - there%n_along*g_beyond))/there%n
+        c_beyond = c + bend*(g - g_beyond)
+        b_beyond = (here%n*b + here%m*c - there%m*c_beyond + radius*(here%n_along*g + &
+                    (here%m_along - there%m_along)*tau - there%n_along*g_beyond) + &
+                    bend*(there%m*g_beyond - here%m*g + (there%p - here%p)*tau))/there%n
         beyond(k, 1:3) = [u, g_beyond, tau]
         beyond(k, 4) = (crossing%capacity_ratio*(here%n*a + 2*here%m*b + here%p*c + radius* &
                                                  (here%d_across*g + here%d_along*tau)) - &
-                        2*there%m*b_beyond - there%p*c - radius*(there%d_across*g_beyond + &
+                        2*there%m*b_beyond - there%p*c_beyond - radius*(there%d_across*g_beyond + &
                                                                  there%d_along*tau))/there%n
         beyond(k, 5) = b_beyond
       end associate
-      beyond(k, 6) = c
+      beyond(k, 6) = c_beyond
     end do
   end subroutine continue_beyond
 

@@ -51,7 +51,8 @@ module calor_flow_rows
     !> Functions P of degree 1 … `degree`, in the order of calor_taylor_weights, 0 at the particle,
     !> with offsets in units of the support radius
     subroutine describe_interface(this, particle, neighbours, dx, dy, radius, degree, wanted, &
-                                  basis, known, outward, slope, pace, ease)
+                                  basis, known, outward, slope, slope_beyond, pace, &
+                                  ease, passing)
       import :: flow_model_t, wp, ip
       implicit none (type, external)
       class(flow_model_t), intent(in) :: this
@@ -72,12 +73,18 @@ module calor_flow_rows
       real(wp), intent(in) :: outward(:, :)
       !> n·K∇P at the particle times the support radius, a column for each normal
       real(wp), intent(out) :: slope(:, :)
+      !> The same of the material beyond an interface that meets the wall at the particle; 0 where
+      !> there is none
+      real(wp), intent(out) :: slope_beyond(:, :)
       !> How many times faster than at the particle heat spreads beyond an interface; 1 at least.
       !> Next to a much faster material a row is as stiff as one of that
       real(wp), intent(out) :: pace
       !> How much better than its own material what lies between the particle and a neighbour
       !> conducts; 1 at least
       real(wp), intent(out) :: ease(:)
+      !> How much better or worse than its own material the way to a neighbour conducts where it
+      !> goes through two materials, one after the other; else 1
+      real(wp), intent(out) :: passing(:)
     end subroutine describe_interface
   end interface
 
@@ -99,7 +106,7 @@ contains
 
   !> Assemble rows.
   subroutine assemble_flow_rows(model, degree, rule, kernel, x, y, volume, radius, particles, &
-                                first, normal, rows)
+                                first, normal, flux_is_given, rows)
     !> What the rows are exact for
     class(flow_model_t), intent(in) :: model
     !> … up to this degree, at least 2
@@ -117,6 +124,8 @@ contains
     integer, intent(in) :: first(:)
     !> Outward unit normals, one a column; none of a particle within the body
     real(wp), intent(in) :: normal(:, :)
+    !> Whether the flux through the walls is given, and so the same on both sides of an interface
+    logical, intent(in) :: flux_is_given
     !> The rows
     type(flow_rows_t), intent(out) :: rows
     integer, allocatable :: pending(:)
@@ -237,7 +246,7 @@ contains
       type(stencil_t), intent(inout) :: stencil
       type(sparse_operator_t), intent(inout) :: operator
       real(wp), intent(out) :: b(:), ratio, stiffness
-      real(wp), allocatable :: basis(:, :), wanted(:), dx(:), dy(:), found(:), ease(:)
+      real(wp), allocatable :: basis(:, :), wanted(:), dx(:), dy(:), found(:), ease(:), passing(:)
       logical, allocatable :: known(:)
       real(wp) :: total, pace
       integer :: n, normals, m
@@ -250,19 +259,23 @@ contains
         n = stencil%n
         dx = -stencil%q(1:n)*stencil%ex(1:n)
         dy = -stencil%q(1:n)*stencil%ey(1:n)
-        allocate (basis(m, n + normals), wanted(m), known(n), found(n + normals), ease(n))
+        allocate (basis(m, n + 2*normals), wanted(m), known(n), found(n + 2*normals))
+        allocate (ease(n), passing(n))
         call model%describe(particles(which), list%index(from:to), dx, dy, h, &
                             merge(degree, 2, norm_minimal), wanted, basis(:, 1:n), known, &
-                            normal(:, first(which):first(which + 1) - 1), basis(:, n + 1:), pace, &
-                            ease)
+                            normal(:, first(which):first(which + 1) - 1), &
+                            basis(:, n + 1:n + normals), basis(:, n + normals + 1:), pace, ease, &
+                            passing)
+        if (.not. flux_is_given) basis(:, n + normals + 1:) = 0
         if (norm_minimal) then
-          call norm_minimal_row(stencil, known, ease, wanted, basis, found)
+          call norm_minimal_row(stencil, known, ease, passing, wanted, basis, found)
         else
           call positive_row(stencil, known, wanted, basis, found)
         end if
         operator%weight(from:to) = (found(1:n)/h)/h
         operator%diagonal(row) = -sum(operator%weight(from:to))
-        b(1:normals) = found(n + 1:)/h
+        ! The flux into the body is given, whatever it consists of there.
+        b(1:normals) = (found(n + 1:n + normals) + found(n + normals + 1:))/h
         total = sum(abs(operator%weight(from:to)))
         ratio = huge(1.0_wp)
         if (operator%diagonal(row) < 0 .and. all(b(1:normals) > 0) .and. &
@@ -276,15 +289,16 @@ contains
 
   end subroutine assemble_flow_rows
 
-  !> Weights of least norm: with a_j = √ω_j z_j the shortest z.
-  subroutine norm_minimal_row(stencil, known, ease, wanted, basis, found)
+  !> Weights of least norm, or nearest to what passes between two particles, c: with
+  !> a_j = c_j + √ω_j z_j the shortest z.
+  subroutine norm_minimal_row(stencil, known, ease, passing, wanted, basis, found)
     type(stencil_t), intent(inout) :: stencil
     logical, intent(in) :: known(:)
-    real(wp), intent(in) :: ease(:), wanted(:), basis(:, :)
+    real(wp), intent(in) :: ease(:), passing(:), wanted(:), basis(:, :)
     !> The weights of the neighbours, then those of the walls' fluxes
     real(wp), intent(out) :: found(:)
     real(wp), allocatable :: root(:), matrix(:, :), right(:, :), singular(:), work(:)
-    real(wp) :: shortest, flux_root
+    real(wp) :: shortest, flux_root, aim(size(found))
     integer :: n, m, k, rank, info
 
     n = stencil%n
@@ -304,19 +318,28 @@ contains
     flux_root = sqrt(cheap)*norm2(root(1:n)*stencil%q(1:n))
     do k = n + 1, size(found)
       ! In units of the conductivity
-      root(k) = flux_root/norm2(basis(1:2, k))
+      root(k) = flux_root/max(norm2(basis(1:2, k)), tiny(1.0_wp))
+      if (all(abs(basis(1:2, k)) <= 0)) root(k) = 0
     end do
+    ! Next to a better conductor weights are those nearest to what passes between two particles by
+    ! the distance and the conductivities on the way, which is the same in both directions. Beyond
+    ! it rows have enough to do with what their own material passes on.
+    aim = 0
+    if (all(passing > 1 - 1.0e-9_wp) .and. any(passing > 1 + 1.0e-9_wp)) then
+      aim(1:n) = -0.5_wp*(wanted(3) + wanted(5))*passing*stencil%force(1:n)/stencil%q(1:n)
+      where (.not. known) aim(1:n) = 0
+    end if
     right = 0
     do k = 1, m
       matrix(k, :) = basis(k, :)*root
       associate (scale => max(norm2(matrix(k, :)), tiny(1.0_wp)))
-        right(k, 1) = wanted(k)/scale
+        right(k, 1) = (wanted(k) - dot_product(basis(k, :), aim))/scale
         matrix(k, :) = matrix(k, :)/scale
       end associate
     end do
     call dgelss(m, size(found), 1, matrix, m, right, size(right), singular, smallest_singular, &
                 rank, work, size(work), info)
-    found = root*right(1:size(found), 1)
+    found = aim + root*right(1:size(found), 1)
     if (info /= 0) found = 0
     call find_residual(stencil, wanted, basis, found)
   end subroutine norm_minimal_row
@@ -340,7 +363,7 @@ contains
     do k = 1, size(found)
       size_of(k) = max(maxval(abs(basis(:, k))), tiny(1.0_wp))
       moments(:, k) = basis(:, k)/size_of(k)
-      cost(k) = 0
+      cost(k) = merge(1.0_wp, 0.0_wp, all(abs(basis(:, k)) <= 0))
       if (k > stencil%n) cycle
       cost(k) = max(stencil%q(k), shortest)**4/size_of(k)
       if (known(k)) cycle

@@ -151,6 +151,10 @@ module calor_conduction
     !> an error of one be an error of all
     procedure :: span
     procedure :: agree
+    !> The same for lists, one process's after another's; and the numbers of particles in the whole
+    procedure :: join_counts
+    procedure :: join_reals
+    procedure :: whole_number
   end type conduction_t
 
 contains
@@ -983,6 +987,35 @@ contains
       if (allocated(error)) return
     end associate
   end subroutine agree
+
+  subroutine join_counts(this, list)
+    class(conduction_t), intent(in) :: this
+    !> Numbers
+    integer, allocatable, intent(inout) :: list(:)
+
+    associate (unused => this, also => list)
+    end associate
+  end subroutine join_counts
+
+  subroutine join_reals(this, list)
+    class(conduction_t), intent(in) :: this
+    !> Numbers
+    real(wp), allocatable, intent(inout) :: list(:)
+
+    associate (unused => this, also => list)
+    end associate
+  end subroutine join_reals
+
+  elemental function whole_number(this, particle) result(number)
+    class(conduction_t), intent(in) :: this
+    !> A particle here
+    integer, intent(in) :: particle
+    integer :: number
+
+    associate (unused => this)
+    end associate
+    number = particle
+  end function whole_number
 
   subroutine note_range(this, temperature)
     class(conduction_t), intent(inout) :: this

@@ -8,6 +8,7 @@ module calor_scene_evolution
   use calor_effects, only: called_effects, enter
   use calor_error, only: error_t, raise, status_bad_input
   use calor_heat_content, only: heat_content_t
+  use calor_interface_balance, only: balance_interfaces
   use calor_kernel, only: kernel_t
   use calor_kernels, only: make_kernel
   use calor_kinds, only: wp, ip
@@ -236,6 +237,9 @@ contains
     if (allocated(error)) return
     if (this%materials%in_force) then
       call divide_by_capacity(this%materials%capacity, conduction%laplacian)
+      call balance_interfaces(conduction, cloud%area, &
+                              [(this%materials%reaches_across(conduction%laplacian, k), &
+                                k=1, conduction%laplacian%rows())])
     end if
     rows%widest = max(rows%widest, this%materials%widest)
     call conduction%stream_rows()
@@ -249,7 +253,7 @@ contains
 
       call this%materials%convert(cloud, this%kernel, max(2, scheme%exact_degree()), &
                                   scheme%rule(), rows%radius, [(1, k=0, size(free))], no_normal, &
-                                  conduction%laplacian, no_weight, rows%repairs%repair, &
+                                  .true., conduction%laplacian, no_weight, rows%repairs%repair, &
                                   rows%repairs%quality, rows%report, &
                                   by_tensor=this%method%laplacian == 'fatehi_manzari')
     end subroutine convert_inner_rows
@@ -313,7 +317,8 @@ contains
                                 contacts%normal(:, chosen), walls, skin_list)
         if (this%materials%in_force) then
           call this%materials%convert(cloud, this%kernel, wall_degree(scheme), scheme%rule(), &
-                                      radius, first, contacts%normal(:, chosen), walls%laplacian, &
+                                      radius, first, contacts%normal(:, chosen), &
+                                      .not. any(contacts%held(chosen)), walls%laplacian, &
                                       walls%slope_weight, walls%repair, walls%quality, &
                                       walls%report, by_tensor=.false.)
         end if

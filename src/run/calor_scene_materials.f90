@@ -68,7 +68,8 @@ module calor_scene_materials
     procedure :: find_jumps
     procedure :: find_local
     procedure, private :: has_local
-    procedure, private :: reaches_across
+    !> Whether a row has neighbours in another material
+    procedure :: reaches_across
     procedure, private :: take_melting
     procedure, private :: compare_factors
     !> Whether rows depend on the material of the particles only, and on no place or direction
@@ -87,6 +88,9 @@ contains
     real(wp), intent(in) :: temperature(:)
     !> A material is wrong, or missing somewhere
     type(error_t), allocatable, intent(out) :: error
+    integer, allocatable :: own(:), moved(:)
+    real(wp), allocatable :: conductivity(:, :), capacity(:)
+    integer :: k, i
 
     call read_materials(file, this%materials, error)
     if (allocated(error)) return
@@ -96,7 +100,19 @@ contains
     call this%materials%fill(cloud%x, cloud%y, file%path, this%flow%material, this%conductivity, &
                              this%capacity, error)
     if (allocated(error)) return
+    own = this%flow%material
     call this%flow%find_interfaces(this%materials, cloud%x, cloud%y, cloud%spacing)
+    ! A particle on an interface may have changed sides.
+    do k = 1, size(this%materials%list)
+      moved = pack([(i, i=1, size(own))], this%flow%material == k .and. own /= k)
+      if (size(moved) == 0) cycle
+      allocate (conductivity(3, size(moved)), capacity(size(moved)))
+      call this%materials%conductivity_at(k, cloud%x(moved), cloud%y(moved), conductivity)
+      call this%materials%capacity_at(k, cloud%x(moved), cloud%y(moved), capacity)
+      this%conductivity(:, moved) = conductivity
+      this%capacity(moved) = capacity
+      deallocate (conductivity, capacity)
+    end do
   end subroutine prepare
 
   !> Effects get to know the capacity at each particle, and for their estimates the least
@@ -111,8 +127,8 @@ contains
     medium%conductivity = minval(this%conductivity(1:2, :))
   end subroutine describe
 
-  subroutine convert(this, cloud, kernel, degree, rule, radius, first, normal, operator, &
-                     slope_weight, repair, quality, report, by_tensor)
+  subroutine convert(this, cloud, kernel, degree, rule, radius, first, normal, flux_is_given, &
+                     operator, slope_weight, repair, quality, report, by_tensor)
     class(scene_materials_t), intent(inout) :: this
     !> The cloud and the kernel
     type(cloud_t), intent(in) :: cloud
@@ -125,6 +141,8 @@ contains
     !> Where the walls of each row begin in `normal`, one more at the end, and their outward normals
     integer, intent(in) :: first(:)
     real(wp), intent(in) :: normal(:, :)
+    !> Whether the flux through these walls is given
+    logical, intent(in) :: flux_is_given
     !> The rows
     type(sparse_operator_t), intent(inout) :: operator
     !> Their weights of fluxes on walls, 1/m
@@ -217,7 +235,7 @@ contains
       call this%flow%focus(this%materials, cloud%x, cloud%y, cloud%spacing, operator%target(place))
       call assemble_flow_rows(this%flow, own_degree, own_rule, kernel, cloud%x, cloud%y, &
                               cloud%volume, radius, operator%target(place), own_first, &
-                              normal(:, wall), rows)
+                              normal(:, wall), flux_is_given, rows)
       this%widest = max(this%widest, rows%widest)
       call put_in_place(place, rows)
       slope_weight(wall) = rows%slope_weight
