@@ -3,6 +3,7 @@ program main
   use, intrinsic :: iso_fortran_env, only: error_unit, output_unit
   use calor_error, only: error_t, raise, status_bad_input
   use calor_file_system, only: ignore_file_size_signal
+  use calor_interrupt, only: watch_for_interrupt
   use calor_ranks, only: ranks_t
   use calor_scene, only: scene_t
   use calor_scene_reader, only: read_scene
@@ -58,7 +59,8 @@ contains
     case ('', 'help', '--help', '-h')
       call say('Run a scene of calor on several ranks: mpirun -n RANKS calor-mpi run SCENE')
       call say('')
-      call say('  run SCENE     run it; --quiet says nothing')
+      call say('  run SCENE     run it; --quiet says nothing, --resume goes on from the last')
+      call say('                checkpoint, --checkpoint FILE from that one')
       call say('  check SCENE   say what a run would do')
       call say('  version       say which version this is')
       call say('')
@@ -76,27 +78,50 @@ contains
     type(shared_simulation_t), target :: simulation
     type(shared_progress_t), target :: progress
     type(text_t), allocatable :: lines(:)
-    logical :: quiet
+    character(len=:), allocatable :: path, checkpoint
+    logical :: quiet, resumed
     integer :: k
 
     quiet = .false.
-    do k = 3, command_argument_count()
-      quiet = quiet .or. argument(k) == '--quiet'
+    resumed = .false.
+    path = ''
+    checkpoint = ''
+    k = 2
+    do while (k <= command_argument_count())
+      select case (argument(k))
+      case ('--quiet')
+        quiet = .true.
+      case ('--resume')
+        resumed = .true.
+      case ('--checkpoint')
+        k = k + 1
+        if (k <= command_argument_count()) checkpoint = argument(k)
+      case default
+        ! What follows the scene may be PETSc's.
+        if (path == '') path = argument(k)
+      end select
+      k = k + 1
     end do
-    if (argument(2) == '') then
+    if (path == '') then
       call raise(error, status_bad_input, 'Which scene? Give its file: calor-mpi run SCENE.')
       return
     end if
-    call read_scene(argument(2), scene, error)
+    call read_scene(path, scene, error)
     call ranks%agree(error)
     if (allocated(error)) return
-    call simulation%prepare(ranks, scene, error)
+    if (resumed) then
+      call simulation%resume(ranks, scene, checkpoint, error)
+    else
+      call simulation%prepare(ranks, scene, error)
+    end if
     if (.not. allocated(error)) then
       call describe_shared_plan(simulation, lines)
       if (.not. quiet) call say_all(lines)
       if (only_check) then
         call simulation%certify(error)
       else
+        ! PETSc keeps the past of implicit steps, which cannot be laid aside.
+        if (.not. simulation%is_implicit) call watch_for_interrupt()
         call progress%begin(scene%time%end, quiet .or. .not. ranks%speaks())
         call run_shared(simulation, error, progress)
         if (.not. allocated(error)) then

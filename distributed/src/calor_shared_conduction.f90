@@ -12,9 +12,13 @@ module calor_shared_conduction
   use calor_parpack, only: pdnaupd, pdneupd
   use calor_random, only: random_uniform
   use calor_ranks, only: ranks_t
+  use calor_saved_state, only: saved_state_t
   use calor_sums, only: dot
-  use petscmat, only: tmat, tvec, add_values, insert_values, mat_copy_values, mat_final_assembly, &
-                      petsc_null_scalar, petsc_null_vec
+  use petscmat, only: tis, tmat, tvec, tvecscatter, vecgetarrayreadf90, vecrestorearrayreadf90, &
+                      add_values, insert_values, mat_copy_values, mat_final_assembly, &
+                      petsc_comm_self, petsc_copy_values, petsc_null_is, petsc_null_scalar, &
+                      petsc_null_vec, scatter_forward
+  use mpi_f08, only: mpi_allreduce, mpi_double_precision, mpi_in_place, mpi_sum
   ! PETSc's procedures have no interfaces of their own.
   ! allow(C003)
   implicit none (type)
@@ -61,6 +65,10 @@ module calor_shared_conduction
     procedure :: allowed_range
     procedure :: span
     procedure :: agree
+    procedure :: save => save_shared
+    procedure :: own_particles
+    procedure :: add_up
+    procedure :: apply_held_rows
     procedure :: join_counts
     procedure :: join_reals
     procedure :: whole_number
@@ -375,6 +383,75 @@ contains
 
     call this%ranks%agree(error)
   end subroutine agree
+
+  pure subroutine own_particles(this, first, last)
+    class(shared_conduction_t), intent(in) :: this
+    integer, intent(out) :: first, last
+
+    first = this%own_first
+    last = this%own_last
+  end subroutine own_particles
+
+  subroutine add_up(this, sums)
+    class(shared_conduction_t), intent(in) :: this
+    real(wp), intent(inout), contiguous :: sums(:)
+
+    call mpi_allreduce(mpi_in_place, sums, size(sums), mpi_double_precision, mpi_sum, &
+                       this%ranks%comm)
+  end subroutine add_up
+
+  !> These rows are in no matrix: the states of other ranks' particles are asked for.
+  subroutine apply_held_rows(this, state, result)
+    class(shared_conduction_t), intent(inout) :: this
+    real(wp), intent(in) :: state(:)
+    real(wp), intent(out) :: result(:)
+    real(wp), allocatable :: own(:), here(:)
+    real(wp), pointer :: values(:)
+    type(tvec) :: given, taken
+    type(tis) :: numbers
+    type(tvecscatter) :: way
+    integer :: failed
+
+    own = state(this%own_first:this%own_last)
+    allocate (here(size(state)))
+    call veccreatempiwitharray(this%ranks%comm%mpi_val, 1, size(own), int(this%particles), own, &
+                               given, failed)
+    call veccreateseq(petsc_comm_self, size(here), taken, failed)
+    call iscreategeneral(petsc_comm_self, size(here), int(this%number) - 1, petsc_copy_values, &
+                         numbers, failed)
+    call vecscattercreate(given, numbers, taken, petsc_null_is, way, failed)
+    call vecscatterbegin(way, given, taken, insert_values, scatter_forward, failed)
+    call vecscatterend(way, given, taken, insert_values, scatter_forward, failed)
+    call vecgetarrayreadf90(taken, values, failed)
+    here = values
+    call vecrestorearrayreadf90(taken, values, failed)
+    call vecscatterdestroy(way, failed)
+    call isdestroy(numbers, failed)
+    call vecdestroy(taken, failed)
+    call vecdestroy(given, failed)
+    call this%conduction_t%apply_held_rows(here, result)
+  end subroutine apply_held_rows
+
+  !> What ranks have found by themselves is put together: others may take it up.
+  subroutine save_shared(this, state)
+    class(shared_conduction_t), intent(in) :: this
+    type(saved_state_t), intent(inout) :: state
+    real(wp) :: low, high
+
+    low = this%lowest
+    high = this%highest
+    call this%span(low, high)
+    call state%enter('conduction')
+    call state%put('range', [low, high])
+    call state%put('excursion', this%ranks%most(this%excursion))
+    call state%put('growing_steps', nint(this%ranks%most(real(this%growing_steps, wp))))
+    if (allocated(this%slope)) call state%put('slope', this%slope)
+    if (allocated(this%content)) then
+      call state%put('temperature_slope', this%temperature_slope)
+      call state%put('potential_slope', this%potential_slope)
+    end if
+    call state%leave()
+  end subroutine save_shared
 
   subroutine join_counts(this, list)
     class(shared_conduction_t), intent(in) :: this

@@ -3,6 +3,7 @@
 module calor_shared_description
   use calor_integrators, only: integrator_choices
   use calor_kinds, only: wp, i8
+  use calor_machine_memory, only: peak_memory
   use calor_memory_need, only: memory_need, size_text
   use calor_shared_simulation, only: shared_simulation_t
   use calor_stable_rows, only: support_grown, positive_stencil, inexact_stencil, no_stencil
@@ -61,6 +62,7 @@ contains
       call add(lines, 'Memory', 'about '//size_text(memory_need( &
                real(particles%bands%particles, wp)/simulation%ranks%ranks, &
                simulation%all_entries/real(simulation%all_rows, wp)))//' on each rank')
+      call add(lines, 'Taken', peak_text(simulation))
       if (scene%output%file == '') then
         call add(lines, 'Output', 'none')
       else
@@ -92,6 +94,11 @@ contains
       call add(lines, 'Error', 'relative L2 error '//to_text(deviation, digits=3)//' at t = '// &
                to_text(simulation%time, digits=6)//' s')
     end if
+    if (size(simulation%entries) > 0) then
+      call add(lines, 'Heat', &
+               simulation%budget%words(simulation%entries(size(simulation%entries))))
+    end if
+    call add(lines, 'Taken', peak_text(simulation))
     call add(lines, 'Wall time', to_text(simulation%stopwatch%total(), digits=3)//' s')
     do k = 1, size(simulation%stopwatch%phases)
       associate (phase => simulation%stopwatch%phases(k))
@@ -139,6 +146,17 @@ contains
     text = to_text(nint(most))//' bytes at most to a rank for each product with the Laplacian, '// &
            to_text(nint(all/simulation%ranks%ranks))//' on average'
   end function exchange_text
+
+  !> What ranks have taken of the memory so far, programs and libraries included
+  function peak_text(simulation) result(text)
+    type(shared_simulation_t), intent(in) :: simulation
+    character(len=:), allocatable :: text
+    real(wp) :: bytes
+
+    bytes = real(peak_memory(), wp)
+    text = to_text(simulation%ranks%most(bytes)/1024, digits=12)//' kB at most by a rank so '// &
+           'far, '//to_text(simulation%ranks%total(bytes)/1024, digits=12)//' kB in all'
+  end function peak_text
 
   function repairs(simulation) result(text)
     type(shared_simulation_t), intent(in) :: simulation

@@ -8,12 +8,16 @@ module calor_shared_file
   use calor_error, only: error_t, raise, status_bad_file
   use calor_expression, only: expression_t
   use calor_field_file, only: field_file_t, stretches_t
+  use calor_heat_budget, only: budget_entry_t, heat_budget_t
   use calor_kinds, only: wp, i8
   use calor_ranks, only: ranks_t
   use calor_scene, only: scene_t
+  use calor_scene_changes, only: scene_changes
+  use calor_scene_file, only: scene_file_t, parse_scene_text
   use calor_simulation_file, only: write_origin_notes
   use calor_stopwatch, only: phase_t
-  use calor_text, only: text_t
+  use calor_stored_fields, only: stored_fields_t
+  use calor_text, only: text_t, to_text
   use calor_user_order, only: user_order_t
   use mpi_f08, only: mpi_bcast, mpi_byte, mpi_character, mpi_file, mpi_file_close, mpi_file_open, &
                      mpi_file_write_at, mpi_info_null, mpi_integer, mpi_integer8, mpi_mode_wronly, &
@@ -36,21 +40,31 @@ module calor_shared_file
     !> Open on the rank that speaks
     type(field_file_t), private :: file
     type(text_t), allocatable, private :: fields(:)
+    character(len=:), allocatable, private :: path
     integer, private :: states = 0
+    !> Whether states of an earlier file are on their way: it stays until all are here
+    logical, private :: taking_over = .false.
   contains
     !> Create the file with its particles
     procedure :: open => open_file
     !> Append a state
     procedure :: write_state
+    !> Put the file in its place, that of an older one perhaps
+    procedure :: publish
+    !> Take over the first states of the file that is in its place
+    procedure :: take_over
     !> Note a figure or words about the run
     procedure :: note
     procedure :: say
+    !> Write the heat budget of all states
+    procedure :: write_budget
     !> Note wall times and close
     procedure :: close => close_file
     !> Let go of it after an error
     procedure :: abandon
     procedure, private :: put
     procedure, private :: put_field
+    procedure, private :: put_stretch
   end type shared_file_t
 
 contains
@@ -74,6 +88,7 @@ contains
     if (.not. this%in_use) return
     this%ranks = ranks
     this%fields = scene%output%fields
+    this%path = scene%output%file
     call this%order%prepare(ranks, cloud, particles)
     if (ranks%speaks()) call begin_file()
     call ranks%agree(error)
@@ -208,28 +223,119 @@ contains
       end select
       if (allocated(error)) return
     end do
-    this%states = this%states + 1
-    if (this%ranks%speaks()) then
-      call this%file%flush(error)
-      if (.not. allocated(error) .and. this%states == 2) call this%file%publish(error)
-    end if
-    call this%ranks%agree(error)
+    call complete_state(this, error)
   end subroutine write_state
+
+  subroutine complete_state(this, error)
+    class(shared_file_t), intent(inout) :: this
+    type(error_t), allocatable, intent(out) :: error
+
+    this%states = this%states + 1
+    if (this%ranks%speaks()) call this%file%flush(error)
+    call this%ranks%agree(error)
+    ! A second state: the run works, so the file takes its place, that of an older one perhaps.
+    if (allocated(error) .or. this%states /= 2 .or. this%taking_over) return
+    call this%publish(error)
+  end subroutine complete_state
+
+  subroutine publish(this, error)
+    class(shared_file_t), intent(inout) :: this
+    !> It cannot be put in its place; on all ranks the same
+    type(error_t), allocatable, intent(out) :: error
+
+    if (.not. this%in_use .or. this%states == 0) return
+    if (this%ranks%speaks()) call this%file%publish(error)
+    call this%ranks%agree(error)
+  end subroutine publish
+
+  !> A rank reads and writes its stretch of particles, a field at a time.
+  subroutine take_over(this, scene_text, time, error)
+    class(shared_file_t), intent(inout) :: this
+    !> The scene of the earlier run, and the times of its states that belong here, s
+    character(len=*), intent(in) :: scene_text
+    real(wp), intent(in) :: time(:)
+    !> They are not there, or cannot be written; on all ranks the same
+    type(error_t), allocatable, intent(out) :: error
+    type(stored_fields_t) :: earlier
+    real(wp), allocatable :: values(:)
+    integer :: state, k
+
+    if (.not. this%in_use) return
+    call open_earlier()
+    this%taking_over = .true.
+    do state = 1, size(time)
+      if (allocated(error)) exit
+      if (this%ranks%speaks()) call this%file%begin_step(time(state), error)
+      call this%ranks%agree(error)
+      do k = 1, size(this%fields)
+        if (allocated(error)) exit
+        if (.not. earlier%has(this%fields(k)%value)) cycle
+        call earlier%read_field(this%fields(k)%value, state, values, error, &
+                                skip=this%order%first, rows=this%order%rows)
+        call this%ranks%agree(error)
+        if (.not. allocated(error)) call this%put_stretch(this%fields(k)%value, values, error)
+      end do
+      if (.not. allocated(error)) call complete_state(this, error)
+    end do
+    call earlier%close()
+    this%taking_over = .false.
+    if (.not. allocated(error) .and. size(time) > 1) call this%publish(error)
+
+  contains
+
+    subroutine open_earlier()
+      type(scene_file_t) :: before, last
+      type(error_t), allocatable :: unreadable
+      logical :: fits
+
+      inquire (file=this%path, exist=fits)
+      if (fits) call earlier%open(this%path, unreadable)
+      fits = fits .and. .not. allocated(unreadable)
+      if (fits) fits = size(earlier%time) >= size(time)
+      if (fits) fits = .not. any(abs(earlier%time(:size(time)) - time) > 0)
+      if (fits) then
+        call parse_scene_text(scene_text, 'scene', before, unreadable)
+        if (.not. allocated(unreadable)) then
+          call parse_scene_text(earlier%note('scene'), 'scene', last, unreadable)
+        end if
+        fits = .not. allocated(unreadable)
+      end if
+      if (fits) fits = size(scene_changes(before, last)) == 0
+      if (.not. fits) then
+        call raise(error, status_bad_file, 'The output file '''//this%path// &
+                   ''' does not hold the '//to_text(size(time))//' states that belong to the '// &
+                   'checkpoint: put it back, or name another &output file for the states from '// &
+                   'here on.')
+      end if
+      call this%ranks%agree(error)
+    end subroutine open_earlier
+
+  end subroutine take_over
 
   subroutine put_field(this, name, values, error)
     class(shared_file_t), intent(inout) :: this
     character(len=*), intent(in) :: name
     real(wp), intent(in) :: values(:)
     type(error_t), allocatable, intent(out) :: error
-    type(stretches_t) :: stretches
     real(wp), allocatable :: arranged(:)
+
+    call this%order%arrange(this%ranks, values, arranged)
+    call this%put_stretch(name, arranged, error)
+  end subroutine put_field
+
+  !> A field of this rank's stretch.
+  subroutine put_stretch(this, name, values, error)
+    class(shared_file_t), intent(inout) :: this
+    character(len=*), intent(in) :: name
+    real(wp), intent(in) :: values(:)
+    type(error_t), allocatable, intent(out) :: error
+    type(stretches_t) :: stretches
 
     if (this%ranks%speaks()) call this%file%place_field(name, stretches, error)
     call this%ranks%agree(error)
     if (allocated(error)) return
-    call this%order%arrange(this%ranks, values, arranged)
-    call this%put(stretches, this%order%first, 8, transfer(arranged, [0_int8]), error)
-  end subroutine put_field
+    call this%put(stretches, this%order%first, 8, transfer(values, [0_int8]), error)
+  end subroutine put_stretch
 
   subroutine note(this, name, value)
     class(shared_file_t), intent(inout) :: this
@@ -248,6 +354,28 @@ contains
 
     if (this%in_use .and. this%ranks%speaks()) call this%file%set_attribute(name, value, error)
   end subroutine say
+
+  !> One data set for each account, of one number for each state.
+  subroutine write_budget(this, budget, entries)
+    class(shared_file_t), intent(inout) :: this
+    !> How the budget is made up, and those of the states
+    type(heat_budget_t), intent(in) :: budget
+    type(budget_entry_t), intent(in) :: entries(:)
+    type(error_t), allocatable :: error
+    integer :: j, k
+
+    if (.not. (this%in_use .and. this%ranks%speaks())) return
+    ! What fails here fails again on closing.
+    call this%file%write_series('budget_time', entries%time, error)
+    call this%file%write_series('budget_stored', entries%stored, error)
+    if (.not. budget%available) return
+    call this%file%write_series('budget_stored_rate', entries%stored_rate, error)
+    do k = 1, size(budget%account)
+      call this%file%write_series('budget_'//budget%account(k)%value, &
+                                  [(entries(j)%power(k), j=1, size(entries))], error)
+    end do
+    call this%file%write_series('budget_imbalance', entries%imbalance, error)
+  end subroutine write_budget
 
   subroutine close_file(this, phases, error)
     class(shared_file_t), intent(inout) :: this

@@ -1,16 +1,20 @@
 !> The heat driver on several ranks: a scene becomes a cloud that they share, the cloud a
 !> distributed operator, and the library's integrators step that in time.
 module calor_shared_simulation
-  use calor_error, only: error_t, raise, status_bad_input, status_bad_numbers
+  use calor_error, only: error_t, raise, status_bad_file, status_bad_input, status_bad_numbers
   use calor_expression, only: expression_t, compile_expression
+  use calor_heat_budget, only: budget_entry_t, heat_budget_t
   use calor_integrators, only: make_integrator
   use calor_kinds, only: wp, i8
   use calor_method_choice, only: method_choice_t, problem_t, foresee_costs
   use calor_ranks, only: ranks_t
   use calor_rightmost_eigenvalue, only: rightmost_t, find_rightmost
+  use calor_saved_state, only: saved_state_t
   use calor_scene, only: scene_t
   use calor_scene_evolution, only: make_scene_evolution, scene_method, scene_rows_t
   use calor_scene_values, only: field_values
+  use calor_shared_checkpoint, only: read_particles, read_shared_checkpoint, &
+                                     write_shared_checkpoint
   use calor_shared_cloud, only: shared_cloud_t
   use calor_shared_conduction, only: shared_conduction_t
   use calor_shared_implicit, only: implicit_stepper_t
@@ -59,9 +63,24 @@ module calor_shared_simulation
     real(wp), allocatable :: content(:)
     type(expression_t) :: exact
     type(stopwatch_t) :: stopwatch
+    !> States written after the first; -1: not even that
+    integer :: written = -1
+    !> Where heat comes from and goes to, and that of all states written
+    type(heat_budget_t) :: budget
+    type(budget_entry_t), allocatable :: entries(:)
+    !> The output file of a run that is resumed, and the text of the scene then
+    character(len=:), allocatable :: earlier_file, earlier_scene
   contains
     !> Make everything ready for the first step
     procedure :: prepare
+    !> Make everything ready to go on from a checkpoint: in place of `prepare`
+    procedure :: resume
+    !> Lay the state aside
+    procedure :: write_checkpoint
+    !> A state has been written
+    procedure :: note_state
+    !> The time of the next state that is written
+    procedure :: next_output
     !> Whether the rows and their spectrum allow a run
     procedure :: certify
     !> Step to a time
@@ -70,9 +89,8 @@ module calor_shared_simulation
     procedure :: settle
     !> How much of each particle is liquid; empty where nothing melts
     procedure :: liquid_fraction
-    !> How many states are written after the first, and the time of one
+    !> How many states are written after the first
     procedure :: states_after_start
-    procedure :: time_of
     !> ‖u - u_exact‖ / ‖u_exact‖ over the body
     procedure :: relative_l2_error
     !> Lowest and highest temperature
@@ -87,6 +105,8 @@ module calor_shared_simulation
     procedure, private :: choose_method
     procedure, private :: check_implicit
     procedure, private :: state
+    procedure, private :: save => save_simulation
+    procedure, private :: restore
   end type shared_simulation_t
 
 contains
@@ -100,9 +120,14 @@ contains
 
     this%ranks = ranks
     this%scene = scene
+    allocate (this%entries(0))
+    this%stepper%interruptible = .false.
     call refuse_unsupported(scene, error)
     if (.not. allocated(error)) call check_target(scene%output%file, scene%output%place, scene, &
                                                   error)
+    if (.not. allocated(error) .and. scene%checkpoint%asked) then
+      call check_target(scene%checkpoint%file, scene%checkpoint%place, scene, error, 'checkpoint')
+    end if
     call ranks%agree(error)
     if (allocated(error)) return
     call this%stopwatch%start('cloud')
@@ -169,6 +194,7 @@ contains
       allocate (this%content(size(this%temperature)))
       call this%conduction%find_state(this%temperature, this%content)
     end if
+    call this%budget%prepare(this%particles%cloud, this%conduction)
   end subroutine make_evolution
 
   subroutine start_temperature(this, error)
@@ -312,6 +338,10 @@ contains
         call raise(error, status_bad_input, time%place//': method = ''tr_bdf2'' does not take '// &
                    'latent heat or materials that depend on the temperature: take ''auto'' or '// &
                    '''rkl2''.')
+      else if (this%scene%checkpoint%asked) then
+        call raise(error, status_bad_input, this%scene%checkpoint%place//': calor-mpi does not '// &
+                   'support checkpoints of implicit steps, whose past PETSc keeps: take '// &
+                   '&checkpoint out, or &time method = ''rkl2''.')
       else if (time%step > 0) then
         call raise(error, status_bad_input, time%place//': calor-mpi does not support implicit '// &
                    'steps of a given length: leave step out, or take method = ''rkl2''.')
@@ -439,15 +469,116 @@ contains
     end if
   end function states_after_start
 
-  pure function time_of(this, state) result(time)
+  !> s
+  pure function next_output(this) result(time)
     class(shared_simulation_t), intent(in) :: this
-    !> Which state after the first
-    integer, intent(in) :: state
     real(wp) :: time
 
     time = this%scene%time%end
-    if (state < this%states_after_start()) time = state*this%scene%output%every
-  end function time_of
+    if (this%written + 1 < this%states_after_start()) then
+      time = (this%written + 1)*this%scene%output%every
+    end if
+  end function next_output
+
+  !> All ranks take part.
+  subroutine note_state(this)
+    class(shared_simulation_t), intent(inout) :: this
+    type(budget_entry_t), allocatable :: longer(:)
+    integer :: k
+
+    allocate (longer(size(this%entries) + 1))
+    do k = 1, size(this%entries)
+      longer(k) = this%entries(k)
+    end do
+    call this%budget%evaluate(this%conduction, this%time, this%state(), longer(size(longer)))
+    call move_alloc(longer, this%entries)
+    this%written = max(this%written, 0)
+  end subroutine note_state
+
+  subroutine resume(this, ranks, scene, path, error)
+    class(shared_simulation_t), intent(inout) :: this
+    type(ranks_t), intent(in) :: ranks
+    type(scene_t), intent(in) :: scene
+    !> The checkpoint; '': the one that the scene names
+    character(len=*), intent(in) :: path
+    !> The checkpoint cannot be used; on all ranks the same
+    type(error_t), allocatable, intent(out) :: error
+    type(saved_state_t) :: state
+
+    call read_shared_checkpoint(ranks, scene, path, state, error)
+    if (allocated(error)) return
+    call this%prepare(ranks, scene, error)
+    if (allocated(error)) return
+    call read_particles(ranks, scene, path, this%particles%cloud, this%particles%bands%particles, &
+                        state, error)
+    if (allocated(error)) return
+    call this%restore(state, error)
+    call ranks%agree(error)
+  end subroutine resume
+
+  subroutine write_checkpoint(this, error)
+    class(shared_simulation_t), intent(in) :: this
+    !> It cannot be written; on all ranks the same
+    type(error_t), allocatable, intent(out) :: error
+    type(saved_state_t) :: state
+
+    call this%save(state)
+    call write_shared_checkpoint(this%ranks, this%scene, this%particles%cloud, &
+                                 this%particles%bands%particles, state, error)
+  end subroutine write_checkpoint
+
+  !> Lay aside all that the rest of the run depends on and `prepare` does not know.
+  subroutine save_simulation(this, state)
+    class(shared_simulation_t), intent(in) :: this
+    type(saved_state_t), intent(inout) :: state
+
+    call state%put('time', this%time)
+    call state%put('end', this%scene%time%end)
+    call state%put('temperature', this%temperature)
+    if (allocated(this%content)) call state%put('content', this%content)
+    call state%put('method', this%method)
+    call this%stepper%save(state)
+    call this%conduction%save(state)
+    call state%put('output_file', this%scene%output%file)
+    call this%budget%save_entries(this%entries, state)
+  end subroutine save_simulation
+
+  !> Take up what was laid aside, after `prepare`.
+  subroutine restore(this, state, error)
+    class(shared_simulation_t), intent(inout) :: this
+    type(saved_state_t), intent(inout) :: state
+    !> It does not fit
+    type(error_t), allocatable, intent(out) :: error
+    real(wp) :: end_time, radius, longest
+
+    call state%get('time', this%time)
+    call state%get('end', end_time)
+    call state%get('temperature', this%temperature)
+    if (allocated(this%content)) call state%get('content', this%content)
+    call state%get('method', this%method)
+    call state%get('output_file', this%earlier_file)
+    call state%get('scene', this%earlier_scene)
+    call this%budget%restore_entries(this%entries, state)
+    call make_integrator(this%method, this%stepper%integrator, error)
+    if (allocated(error)) return
+    radius = this%stepper%spectral_radius
+    longest = this%stepper%longest_step
+    call this%stepper%restore(state)
+    call this%conduction%restore(state)
+    if (allocated(state%problem)) then
+      call raise(error, status_bad_file, 'The checkpoint lacks '''//state%problem//'''.')
+      return
+    end if
+    if (abs(end_time - this%scene%time%end) > 0) then
+      ! What changes with time may become stiffer than was known.
+      this%stepper%spectral_radius = max(radius, this%stepper%spectral_radius)
+      this%stepper%longest_step = min(longest, this%stepper%longest_step)
+    end if
+    this%written = 0
+    if (this%scene%output%every > 0) then
+      this%written = int(this%time/this%scene%output%every*(1 + 1.0e-12_wp))
+    end if
+  end subroutine restore
 
   !> The unknowns: heat contents where they are kept, temperatures elsewhere.
   pure function state(this)

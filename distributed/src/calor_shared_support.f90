@@ -30,8 +30,6 @@ contains
       call refuse(scene%domain%place, 'arrangement = ''relaxed''')
     else if (scene%laplacian == 'double_gradient') then
       call refuse(scene%path//': &scheme', 'laplacian = ''double_gradient''')
-    else if (scene%checkpoint%asked) then
-      call refuse(scene%checkpoint%place, 'checkpoints')
     else if (scene%single_weights) then
       call refuse(scene%path//': &scheme', 'weights in single precision')
     end if

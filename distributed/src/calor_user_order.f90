@@ -23,6 +23,8 @@ module calor_user_order
     procedure :: prepare
     !> Send values
     procedure :: arrange
+    !> Get them back
+    procedure :: distribute
   end type user_order_t
 
 contains
@@ -90,5 +92,19 @@ contains
     call ranks%exchange(this%sent, values(this%chosen), this%received, taken)
     arranged(this%place) = taken
   end subroutine arrange
+
+  !> Values of own particles from those of the stretches.
+  subroutine distribute(this, ranks, arranged, values)
+    class(user_order_t), intent(in) :: this
+    type(ranks_t), intent(in) :: ranks
+    real(wp), intent(in) :: arranged(:)
+    !> One for each particle here; only those of own ones are set
+    real(wp), intent(inout) :: values(:)
+    real(wp), allocatable :: taken(:)
+
+    allocate (taken(size(this%chosen)))
+    call ranks%exchange(this%received, arranged(this%place), this%sent, taken)
+    values(this%chosen) = taken
+  end subroutine distribute
 
 end module calor_user_order

@@ -4,6 +4,7 @@ program main
   use, intrinsic :: iso_fortran_env, only: error_unit
   use test_agreement, only: collect_agreement
   use test_refusals, only: collect_refusals
+  use test_resuming, only: collect_resuming
   use test_sharing, only: collect_sharing
   use testdrive, only: new_testsuite, run_selected, run_testsuite, select_suite, testsuite_type
   implicit none (type, external)
@@ -14,6 +15,7 @@ program main
 
   suites = [new_testsuite('agreement', collect_agreement), &
             new_testsuite('refusals', collect_refusals), &
+            new_testsuite('resuming', collect_resuming), &
             new_testsuite('sharing', collect_sharing)]
   call get_command_argument(1, suite)
   call get_command_argument(2, test)

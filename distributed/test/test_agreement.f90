@@ -5,7 +5,7 @@
 !> ten thousand.
 module test_agreement
   use calor_kinds, only: wp
-  use test_runs, only: compare_files, run_ranks, run_serial, write_scene
+  use test_runs, only: compare_budgets, compare_files, run_ranks, run_serial, write_scene
   use calor_text, only: to_text
   use testdrive, only: error_type, new_unittest, test_failed, unittest_type
   implicit none (type, external)
@@ -32,11 +32,12 @@ contains
              new_unittest('polygon with radiation and flux', test_polygon), &
              new_unittest('melting', test_melting), &
              new_unittest('steady', test_steady), &
+             new_unittest('VTK''s reader opens the file', test_vtk), &
              new_unittest('implicit steps', test_implicit)]
   end subroutine collect_agreement
 
   !> Run a scene, whose file is named as it, by one process and by ranks.
-  subroutine agree(name, lines, ranks, error, field, volume_error)
+  subroutine agree(name, lines, ranks, error, field, volume_error, budget)
     character(len=*), intent(in) :: name
     character(len=*), intent(in) :: lines(:)
     integer, intent(in) :: ranks(:)
@@ -44,10 +45,15 @@ contains
     character(len=*), intent(in), optional :: field
     !> How far volumes may differ; 0 without it
     real(wp), intent(in), optional :: volume_error
+    !> Whether heat budgets agree too; without it they do
+    logical, intent(in), optional :: budget
     character(len=:), allocatable :: what
+    logical :: with_budget
     real(wp) :: rounding
     integer :: k, status
 
+    with_budget = .true.
+    if (present(budget)) with_budget = budget
     rounding = 0
     if (present(volume_error)) rounding = volume_error
     what = 'temperature'
@@ -69,6 +75,9 @@ contains
       call compare_files(name//'_serial.vtkhdf', name//'.vtkhdf', what, allowed, error)
       if (allocated(error)) return
       call compare_files(name//'_serial.vtkhdf', name//'.vtkhdf', 'volume', rounding, error)
+      if (allocated(error)) return
+      if (with_budget) call compare_budgets(name//'_serial.vtkhdf', name//'.vtkhdf', allowed, &
+                                            error)
       if (allocated(error)) return
     end do
   end subroutine agree
@@ -265,6 +274,8 @@ contains
     end do
   end subroutine test_implicit
 
+  !> The serial program finds weights with which the budget of a steady state closes exactly; ranks
+  !> weigh by areas.
   subroutine test_steady(error)
     type(error_type), allocatable, intent(out) :: error
 
@@ -276,7 +287,31 @@ contains
                           '&boundary on=''inner'' kind=''temperature'' value=3 /', &
                           '&source power_expression=''exp(-T)'' /', &
                           '&time steady=.true. /', &
-                          '&output file=''steady.vtkhdf'' /'], [1, 2, 4], error)
+                          '&output file=''steady.vtkhdf'' /'], [1, 2, 4], error, budget=.false.)
   end subroutine test_steady
+
+  !> Where VTK's reader is installed (`tools/set_up.sh vtk`)
+  subroutine test_vtk(error)
+    type(error_type), allocatable, intent(out) :: error
+    character(len=*), parameter :: python = '../../.venv-vtk/bin/python'
+    logical :: there
+    integer :: status
+
+    inquire (file=python, exist=there)
+    if (.not. there) return
+    call write_scene('vtk', [character(len=wide) :: &
+                             '&domain shape=''rectangle'' x_range=0,1 y_range=0,1 spacing=0.05 /', &
+                             '&initial temperature=1 /', &
+                             '&boundary on=''all'' kind=''insulated'' /', &
+                             '&time end=0.02 method=''rkl2'' /', &
+                             '&output file=''vtk.vtkhdf'' every=0.01 /'])
+    call run_ranks('vtk', 3, status)
+    if (status == 0) then
+      call execute_command_line(python//' ../../tools/check_vtk.py vtk.vtkhdf --steps 3 '// &
+                                '--points 441 --times 0,0.01,0.02 --minimum 1 --maximum 1 '// &
+                                '>vtk.out 2>&1', exitstat=status)
+    end if
+    if (status /= 0) call test_failed(error, 'status '//to_text(status)//': vtk.out')
+  end subroutine test_vtk
 
 end module test_agreement

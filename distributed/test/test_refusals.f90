@@ -49,8 +49,8 @@ contains
     call refuse('estimate', '&accuracy estimate=.true. / &time end=1 /', &
                 'does not support estimates of the error', error)
     if (allocated(error)) return
-    call refuse('checkpoint', '&checkpoint file=''c.h5'' every_seconds=60 / &time end=1 /', &
-                'does not support checkpoints', error)
+    call refuse('checkpoint', '&checkpoint file=''c.h5'' / &time end=1 method=''tr_bdf2'' /', &
+                'does not support checkpoints of implicit steps', error)
     if (allocated(error)) return
     call refuse('double', '&scheme laplacian=''double_gradient'' / &time end=1 /', &
                 'does not support laplacian = ''double_gradient''', error)

@@ -3,12 +3,12 @@ module test_runs
   use calor_error, only: error_t
   use calor_kinds, only: wp
   use calor_stored_fields, only: stored_fields_t
-  use calor_text, only: to_text
+  use calor_text, only: text_t, to_text
   use testdrive, only: error_type, test_failed
   implicit none (type, external)
   private
 
-  public :: write_scene, run_serial, run_ranks, compare_files, said, environment
+  public :: write_scene, run_serial, run_ranks, compare_files, compare_budgets, said, environment
 
 contains
 
@@ -34,12 +34,16 @@ contains
     if (length > 0) call get_environment_variable(name, value)
   end function environment
 
-  subroutine run_serial(name, status)
+  subroutine run_serial(name, status, options)
     character(len=*), intent(in) :: name
     integer, intent(out) :: status
+    character(len=*), intent(in), optional :: options
+    character(len=:), allocatable :: more
 
-    call execute_command_line(environment('CALOR_PROGRAM')//' run '//name//'.nml >'//name// &
-                              '.out 2>&1', exitstat=status)
+    more = ''
+    if (present(options)) more = ' '//options
+    call execute_command_line(environment('CALOR_PROGRAM')//' run '//name//'.nml'//more//' >'// &
+                              name//'.out 2>&1', exitstat=status)
   end subroutine run_serial
 
   !> Run by some ranks; what was said is in `name`.out.
@@ -122,5 +126,61 @@ contains
       call test_failed(error, other//': '//field//' differs by '//to_text(worst, digits=3))
     end if
   end subroutine compare_files
+
+  !> The largest difference of any number of the heat budgets, as a part of the largest of all
+  !> powers; energies as a part of the largest energy.
+  subroutine compare_budgets(one, other, allowed, error)
+    character(len=*), intent(in) :: one, other
+    real(wp), intent(in) :: allowed
+    type(error_type), allocatable, intent(out) :: error
+    type(stored_fields_t) :: first, second
+    type(error_t), allocatable :: failure
+    type(text_t), allocatable :: accounts(:)
+    real(wp), allocatable :: powers(:)
+    real(wp) :: scale
+    integer :: k
+
+    call first%open(one, failure)
+    if (.not. allocated(failure)) call second%open(other, failure)
+    if (allocated(failure)) then
+      call test_failed(error, failure%message)
+      return
+    end if
+    accounts = first%accounts()
+    powers = abs(first%series('budget_stored_rate'))
+    do k = 1, size(accounts)
+      powers = [powers, abs(first%series('budget_'//accounts(k)%value))]
+    end do
+    scale = maxval([powers, tiny(1.0_wp)])
+    call compare('budget_time', 1.0_wp)
+    call compare('budget_stored', max(tiny(1.0_wp), maxval(abs(first%series('budget_stored')))))
+    do k = 1, size(accounts)
+      call compare('budget_'//accounts(k)%value, scale)
+    end do
+    if (size(accounts) > 0) call compare('budget_stored_rate', scale)
+    if (size(accounts) > 0) call compare('budget_imbalance', 1.0_wp)
+    call first%close()
+    call second%close()
+
+  contains
+
+    subroutine compare(name, unit)
+      character(len=*), intent(in) :: name
+      real(wp), intent(in) :: unit
+      real(wp), allocatable :: a(:), b(:)
+
+      if (allocated(error)) return
+      a = first%series(name)
+      b = second%series(name)
+      if (size(a) == 0 .or. size(a) /= size(b)) then
+        call test_failed(error, other//': '//name//' has '//to_text(size(b))//' numbers, not '// &
+                         to_text(size(a)))
+      else if (.not. maxval(abs(a - b)) <= allowed*unit) then
+        call test_failed(error, other//': '//name//' differs by '// &
+                         to_text(maxval(abs(a - b))/unit, digits=3))
+      end if
+    end subroutine compare
+
+  end subroutine compare_budgets
 
 end module test_runs

@@ -25,6 +25,8 @@ module calor_checksum
     procedure :: add
     !> The checksum of all bytes so far
     procedure :: value => checksum_value
+    !> The same as 16 hexadecimal digits
+    procedure :: text => text_of
   end type checksum_t
 
 contains
@@ -99,7 +101,14 @@ contains
     type(checksum_t) :: checksum
 
     call checksum%add(bytes)
-    write (text, '(z16.16)') checksum%value()
+    text = checksum%text()
   end function checksum_text
+
+  pure function text_of(this) result(text)
+    class(checksum_t), intent(in) :: this
+    character(len=16) :: text
+
+    write (text, '(z16.16)') this%value()
+  end function text_of
 
 end module calor_checksum

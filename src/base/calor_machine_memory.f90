@@ -5,7 +5,7 @@ module calor_machine_memory
   implicit none (type, external)
   private
 
-  public :: available_memory
+  public :: available_memory, peak_memory
 
   !> Linux's number of the limit on a process's address space, and the size of a page, bytes
   integer(c_int), parameter :: address_space = 9_c_int
@@ -54,13 +54,29 @@ contains
   !> The line 'MemAvailable:  1234 kB' of Linux
   function from_meminfo() result(bytes)
     integer(i8) :: bytes
-    character(len=*), parameter :: mark = 'MemAvailable:'
+
+    bytes = line_of('/proc/meminfo', 'MemAvailable:')
+    if (bytes < 0) bytes = huge(bytes)
+  end function from_meminfo
+
+  !> The most memory that this process has had so far, bytes; -1 where the system does not tell
+  function peak_memory() result(bytes)
+    integer(i8) :: bytes
+
+    bytes = line_of('/proc/self/status', 'VmHWM:')
+  end function peak_memory
+
+  !> Bytes in a line as 'VmHWM:  1234 kB' of Linux; -1 where there is none
+  function line_of(path, mark) result(bytes)
+    !> The file, and how the line begins
+    character(len=*), intent(in) :: path, mark
+    integer(i8) :: bytes
     character(len=120) :: line
     integer(i8) :: kilobytes
     integer :: unit, status
 
-    bytes = huge(bytes)
-    open (newunit=unit, file='/proc/meminfo', status='old', action='read', iostat=status)
+    bytes = -1
+    open (newunit=unit, file=path, status='old', action='read', iostat=status)
     if (status /= 0) return
     do
       read (unit, '(a)', iostat=status) line
@@ -71,7 +87,7 @@ contains
       exit
     end do
     close (unit)
-  end function from_meminfo
+  end function line_of
 
   !> The whole number that a file consists of; -1 if it does not
   function number_in(path) result(number)

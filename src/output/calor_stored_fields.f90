@@ -226,7 +226,7 @@ contains
   end function is_count
 
   !> A scalar as it is; of a vector its length; NaN for what no run wrote.
-  subroutine read_field(this, name, step, values, error, is_vector)
+  subroutine read_field(this, name, step, values, error, is_vector, skip, rows)
     class(stored_fields_t), intent(in) :: this
     !> The field
     character(len=*), intent(in) :: name
@@ -238,8 +238,12 @@ contains
     type(error_t), allocatable, intent(out) :: error
     !> Whether it is a vector
     logical, intent(out), optional :: is_vector
+    !> Only so many particles, after as many others
+    integer(i8), intent(in), optional :: skip
+    integer, intent(in), optional :: rows
     type(hdf5_silence_t) :: silence
-    real(wp), allocatable :: rows(:, :)
+    real(wp), allocatable :: found(:, :)
+    integer(hsize_t) :: start, count
     integer :: k
 
     if (present(is_vector)) is_vector = .false.
@@ -249,17 +253,19 @@ contains
       return
     end if
     call silence%begin()
-    call this%read_rows(point_data//name, &
-                        start_of(this, '/VTKHDF/Steps/PointDataOffsets/'//name, step), &
-                        int(this%particles, hsize_t), rows, error)
+    start = start_of(this, '/VTKHDF/Steps/PointDataOffsets/'//name, step)
+    if (present(skip) .and. start >= 0) start = start + skip
+    count = this%particles
+    if (present(rows)) count = rows
+    call this%read_rows(point_data//name, start, count, found, error)
     call silence%finish()
     if (allocated(error)) return
-    allocate (values(size(rows, 2)), source=ieee_value(0.0_wp, ieee_quiet_nan))
+    allocate (values(size(found, 2)), source=ieee_value(0.0_wp, ieee_quiet_nan))
     do k = 1, size(values)
-      if (all(is_usable(rows(:, k)))) values(k) = merge(rows(1, k), norm2(rows(:, k)), &
-                                                        size(rows, 1) == 1)
+      if (all(is_usable(found(:, k)))) values(k) = merge(found(1, k), norm2(found(:, k)), &
+                                                        size(found, 1) == 1)
     end do
-    if (present(is_vector)) is_vector = size(rows, 1) > 1
+    if (present(is_vector)) is_vector = size(found, 1) > 1
   end subroutine read_field
 
   pure function has(this, name)

@@ -2,7 +2,7 @@
 module calor_checkpoint
   use, intrinsic :: iso_fortran_env, only: int8
   use calor_checkpoint_file, only: read_checkpoint_file, older_checkpoint
-  use calor_checksum, only: checksum_text
+  use calor_checksum, only: checksum_t
   use calor_error, only: error_t, raise, status_bad_input, status_bad_file
   use calor_kinds, only: wp, i8
   use calor_saved_state, only: saved_state_t
@@ -118,11 +118,14 @@ contains
     text = file_checksum(path)
   end function cloud_checksum
 
+  !> A piece at a time: the file may be larger than the memory.
   function file_checksum(path) result(text)
     character(len=*), intent(in) :: path
     character(len=:), allocatable :: text
+    integer(i8), parameter :: most_bytes = 2_i8**22
+    type(checksum_t) :: checksum
     integer(int8), allocatable :: bytes(:)
-    integer(i8) :: length
+    integer(i8) :: length, done
     integer :: unit, status
 
     text = ''
@@ -130,10 +133,16 @@ contains
           action='read', iostat=status)
     if (status /= 0) return
     inquire (unit=unit, size=length)
-    allocate (bytes(max(0_i8, length)), stat=status)
-    if (status == 0) read (unit, iostat=status) bytes
+    done = 0
+    do while (done < length .and. status == 0)
+      allocate (bytes(min(most_bytes, length - done)))
+      read (unit, iostat=status) bytes
+      if (status == 0) call checksum%add(bytes)
+      done = done + size(bytes)
+      deallocate (bytes)
+    end do
     close (unit)
-    if (status == 0) text = checksum_text(bytes)
+    if (status == 0) text = checksum%text()
   end function file_checksum
 
   !> Read the checkpoint of a scene, and make sure that it belongs to it.

@@ -80,8 +80,8 @@ module calor_conduction
     !> Whether that is all that is left of them
     logical, private :: only_streamed = .false.
     !> How far the last state left the range, and for how many steps that has grown
-    real(wp), private :: excursion = 0.0_wp
-    integer, private :: growing_steps = 0
+    real(wp) :: excursion = 0.0_wp
+    integer :: growing_steps = 0
   contains
     procedure :: unknowns
     procedure :: rate
@@ -137,6 +137,10 @@ module calor_conduction
     procedure, private :: linearise_conduction
     procedure, private :: add_effects
     procedure, private :: find_slope
+    !> Where several processes share the particles: the first and last of this one's own, and sums
+    !> over all of them
+    procedure :: own_particles
+    procedure :: add_up
     !> The range of temperatures given or kept, and the one that a state may leave by little only
     procedure :: find_scales
     procedure :: allowed_range
@@ -328,6 +332,23 @@ contains
     end if
     if (allocated(this%held_jumps)) call this%held_jumps%correct(temperature, potential, result)
   end subroutine apply_held_rows
+
+  pure subroutine own_particles(this, first, last)
+    class(conduction_t), intent(in) :: this
+    integer, intent(out) :: first, last
+
+    first = 1
+    last = this%unknowns()
+  end subroutine own_particles
+
+  !> One process has all.
+  subroutine add_up(this, sums)
+    class(conduction_t), intent(in) :: this
+    real(wp), intent(inout), contiguous :: sums(:)
+
+    associate (unused => this, also => sums)
+    end associate
+  end subroutine add_up
 
   !> In one sweep where there is nothing but conduction. Prescribed entries have empty rows.
   subroutine combine_with_rate(this, time, c, newer, start, rate_start, older, work)

@@ -139,7 +139,10 @@ contains
              simulation%liquid_fraction())/sum(simulation%conduction%medium%area), digits=4)// &
              ' % of the body')
     end if
-    if (size(simulation%entries) > 0) call add(lines, 'Heat', budget(simulation))
+    if (size(simulation%entries) > 0) then
+      call add(lines, 'Heat', &
+               simulation%budget%words(simulation%entries(size(simulation%entries))))
+    end if
     if (allocated(simulation%motion)) call add(lines, 'Motion', motion(simulation))
     if (simulation%estimates_error()) call add(lines, 'Estimate', estimate())
     if (simulation%knows_exact()) then
@@ -407,24 +410,6 @@ contains
       end do
     end associate
   end function motion
-
-  !> What each account of the heat budget has in the last state
-  function budget(simulation) result(text)
-    type(simulation_t), intent(in) :: simulation
-    character(len=:), allocatable :: text
-    integer :: k
-
-    associate (entry => simulation%entries(size(simulation%entries)))
-      text = 'stored '//to_text(entry%stored, digits=6)//' J/m'
-      if (.not. simulation%budget%available) return
-      do k = 1, size(simulation%budget%account)
-        text = text//', '//simulation%budget%account(k)%value//' '// &
-               to_text(entry%power(k), digits=6)
-      end do
-      text = text//' W/m; storing '//to_text(entry%stored_rate, digits=6)//' W/m; imbalance '// &
-             to_text(entry%imbalance, digits=2)
-    end associate
-  end function budget
 
   function steps(simulation) result(text)
     type(simulation_t), intent(in) :: simulation

@@ -12,8 +12,9 @@ module calor_heat_budget
   use calor_conduction, only: conduction_t
   use calor_kinds, only: wp
   use calor_medium, only: medium_t
+  use calor_saved_state, only: saved_state_t
   use calor_sparse_operator, only: sparse_operator_t
-  use calor_text, only: text_t, append
+  use calor_text, only: text_t, append, to_text
   use calor_umfpack, only: factorisation_t
   implicit none (type, external)
   private
@@ -54,6 +55,11 @@ module calor_heat_budget
     procedure :: close_exactly
     !> The budget of a state
     procedure :: evaluate
+    !> The same in words
+    procedure :: words
+    !> Lay budgets aside, and take them up again
+    procedure :: save_entries
+    procedure :: restore_entries
   end type heat_budget_t
 
 contains
@@ -64,13 +70,16 @@ contains
     !> The cloud
     type(cloud_t), intent(in) :: cloud
     !> The heat equation on it
-    type(conduction_t), intent(in) :: conduction
+    class(conduction_t), intent(in) :: conduction
     character(len=:), allocatable :: name
+    real(wp), allocatable :: there(:)
     integer :: k
 
     this%available = allocated(conduction%medium%contacts%normal)
+    there = [(real(count(conduction%medium%contacts%side == k - 1), wp), k=1, size(cloud%boundary))]
+    call conduction%add_up(there)
     do k = 1, size(cloud%boundary)
-      if (.not. any(conduction%medium%contacts%side == k - 1)) cycle
+      if (.not. there(k) > 0) cycle
       call append(this%account, cloud%boundary(k)%value)
     end do
     this%wall_account = [(place_of(this%account, cloud%boundary(k)%value), k=1, &
@@ -184,11 +193,11 @@ contains
 
   end subroutine close_exactly
 
-  !> The budget of a state.
+  !> The budget of a state. Where several processes share the particles, each adds up its own.
   subroutine evaluate(this, conduction, time, state, entry)
     class(heat_budget_t), intent(in) :: this
     !> The heat equation
-    type(conduction_t), intent(inout) :: conduction
+    class(conduction_t), intent(inout) :: conduction
     !> Time, s, and state
     real(wp), intent(in) :: time
     real(wp), intent(in) :: state(:)
@@ -204,7 +213,7 @@ contains
 
   subroutine add_up(this, conduction, time, state, weight, entry)
     class(heat_budget_t), intent(in) :: this
-    type(conduction_t), intent(inout) :: conduction
+    class(conduction_t), intent(inout) :: conduction
     real(wp), intent(in) :: time
     real(wp), intent(in) :: state(:)
     !> The particles' weights, m²
@@ -214,24 +223,32 @@ contains
     real(wp), allocatable :: temperature(:)
     real(wp) :: conductivity
     character(len=:), allocatable :: name
-    integer :: k, account
+    !> Stored energy, its rate, all that flows, and the powers
+    real(wp), allocatable :: sums(:)
+    integer :: k, account, a, b
 
+    call conduction%own_particles(a, b)
     associate (medium => conduction%medium, contacts => conduction%medium%contacts)
       entry%time = time
       capacity = [(medium%capacity_of(k), k=1, size(state))]
       ! Rows of a body of varying material contain its conductivity.
       conductivity = medium%conductivity
       if (allocated(medium%local_capacity)) conductivity = 1
-      entry%stored = sum(capacity*weight*state)
       allocate (entry%power(size(this%account)), source=0.0_wp)
-      if (.not. this%available) return
+      sums = [sum(capacity(a:b)*weight(a:b)*state(a:b))]
+      if (.not. this%available) then
+        call conduction%add_up(sums)
+        entry%stored = sums(1)
+        return
+      end if
 
       allocate (rate(size(state)), power(size(state)), temperature(size(state)))
       call conduction%find_temperature(state, temperature)
       allocate (flux(size(contacts%particle)), source=0.0_wp)
       call conduction%rate(time, state, rate)
       call conduction%add_held_rates(time, rate)
-      entry%stored_rate = sum(capacity*weight*rate)
+      sums = [sums, sum(capacity(a:b)*weight(a:b)*rate(a:b)), &
+              sum(abs(capacity(a:b)*weight(a:b)*rate(a:b)))]
 
       ! What effects bring: within the body their power, through walls a flux at each contact
       allocate (missing(size(temperature)), source=0.0_wp)
@@ -245,7 +262,8 @@ contains
             if (account == 0) cycle
             power = 0
             call effect%add_power(medium, time, temperature, power)
-            entry%power(account) = entry%power(account) + sum(weight*power)
+            entry%power(account) = entry%power(account) + &
+                                   sum(weight(a:b)*power(a:b))
           end associate
         end do
       end if
@@ -266,6 +284,7 @@ contains
       end do
       do k = 1, size(contacts%particle)
         associate (i => contacts%particle(k), account => this%wall_account(contacts%side(k) + 1))
+          if (i < a .or. i > b) cycle
           if (contacts%holding(k)) flux(k) = missing(i)
           if (this%conservative) then
             entry%power(account) = entry%power(account) + weight(i)*contacts%weight(k)*flux(k)
@@ -274,13 +293,87 @@ contains
           end if
         end associate
       end do
+      sums = [sums, entry%power]
+      call conduction%add_up(sums)
+      entry%stored = sums(1)
+      entry%stored_rate = sums(2)
+      entry%power = sums(4:)
       entry%imbalance = entry%stored_rate - sum(entry%power)
       ! An expression may have no value beyond the last good state: its rate there is no number.
       if (.not. ieee_is_finite(entry%imbalance)) return
-      associate (all => max(sum(abs(capacity*weight*rate)), sum(abs(entry%power))))
+      associate (all => max(sums(3), sum(abs(entry%power))))
         if (all > 0) entry%imbalance = entry%imbalance/all
       end associate
     end associate
   end subroutine add_up
+
+  !> Energy, what comes by each account, and what is missing.
+  pure function words(this, entry) result(text)
+    class(heat_budget_t), intent(in) :: this
+    !> The budget of a state
+    type(budget_entry_t), intent(in) :: entry
+    character(len=:), allocatable :: text
+    integer :: k
+
+    text = 'stored '//to_text(entry%stored, digits=6)//' J/m'
+    if (.not. this%available) return
+    do k = 1, size(this%account)
+      text = text//', '//this%account(k)%value//' '//to_text(entry%power(k), digits=6)
+    end do
+    text = text//' W/m; storing '//to_text(entry%stored_rate, digits=6)//' W/m; imbalance '// &
+           to_text(entry%imbalance, digits=2)
+  end function words
+
+  subroutine save_entries(this, entries, state)
+    class(heat_budget_t), intent(in) :: this
+    !> Budgets, one a state
+    type(budget_entry_t), intent(in) :: entries(:)
+    type(saved_state_t), intent(inout) :: state
+    real(wp), allocatable :: power(:, :)
+    integer :: k
+
+    call state%enter('budget')
+    call state%put('time', entries%time)
+    call state%put('stored', entries%stored)
+    call state%put('stored_rate', entries%stored_rate)
+    call state%put('imbalance', entries%imbalance)
+    if (this%available) then
+      allocate (power(size(this%account), size(entries)))
+      do k = 1, size(entries)
+        power(:, k) = entries(k)%power
+      end do
+      call state%put('power', reshape(power, [size(power)]))
+    end if
+    call state%leave()
+  end subroutine save_entries
+
+  !> What is missing is told by the state.
+  subroutine restore_entries(this, entries, state)
+    class(heat_budget_t), intent(in) :: this
+    type(budget_entry_t), allocatable, intent(inout) :: entries(:)
+    type(saved_state_t), intent(inout) :: state
+    real(wp), allocatable :: time(:), stored(:), stored_rate(:), imbalance(:), power(:)
+    integer :: k, accounts
+
+    call state%enter('budget')
+    call state%get('time', time)
+    call state%get('stored', stored)
+    call state%get('stored_rate', stored_rate)
+    call state%get('imbalance', imbalance)
+    if (this%available) call state%get('power', power)
+    call state%leave()
+    if (allocated(state%problem)) return
+    if (allocated(entries)) deallocate (entries)
+    allocate (entries(size(time)))
+    entries%time = time
+    entries%stored = stored
+    entries%stored_rate = stored_rate
+    entries%imbalance = imbalance
+    if (.not. this%available) return
+    accounts = size(this%account)
+    do k = 1, size(time)
+      entries(k)%power = power((k - 1)*accounts + 1:k*accounts)
+    end do
+  end subroutine restore_entries
 
 end module calor_heat_budget

@@ -563,6 +563,11 @@ contains
 
     call read_resume_point(scene, path, state, error)
     if (allocated(error)) return
+    if (state%has('particles_file')) then
+      call raise(error, status_bad_file, 'The checkpoint was written by calor-mpi: resume '// &
+                 scene%path//' by that.')
+      return
+    end if
     ! What certifies the operator is in the checkpoint.
     call this%prepare(scene, error, uncertified=.true.)
     if (allocated(error)) return
@@ -573,7 +578,6 @@ contains
   recursive subroutine save_simulation(this, state)
     class(simulation_t), intent(in) :: this
     type(saved_state_t), intent(inout) :: state
-    real(wp), allocatable :: power(:, :)
     integer :: k
 
     call save_scene(this%scene, state)
@@ -623,19 +627,7 @@ contains
       end select
     end if
     call state%put('output_file', this%scene%output%file)
-    call state%enter('budget')
-    call state%put('time', this%entries%time)
-    call state%put('stored', this%entries%stored)
-    call state%put('stored_rate', this%entries%stored_rate)
-    call state%put('imbalance', this%entries%imbalance)
-    if (this%budget%available) then
-      allocate (power(size(this%budget%account), size(this%entries)))
-      do k = 1, size(this%entries)
-        power(:, k) = this%entries(k)%power
-      end do
-      call state%put('power', reshape(power, [size(power)]))
-    end if
-    call state%leave()
+    call this%budget%save_entries(this%entries, state)
     call state%enter('wall_time')
     call state%put('seconds', this%stopwatch%phases%seconds)
     do k = 1, size(this%stopwatch%phases)
@@ -775,31 +767,13 @@ contains
     type(saved_state_t), intent(inout) :: state
     type(stopwatch_t) :: earlier
     character(len=:), allocatable :: name
-    real(wp), allocatable :: time(:), stored(:), stored_rate(:), imbalance(:), power(:), seconds(:)
-    integer :: k, accounts
+    real(wp), allocatable :: seconds(:)
+    integer :: k
 
-    call state%enter('budget')
-    call state%get('time', time)
-    call state%get('stored', stored)
-    call state%get('stored_rate', stored_rate)
-    call state%get('imbalance', imbalance)
-    if (this%budget%available) call state%get('power', power)
-    call state%leave()
+    call this%budget%restore_entries(this%entries, state)
     call state%enter('wall_time')
     call state%get('seconds', seconds)
     if (.not. allocated(state%problem)) then
-      deallocate (this%entries)
-      allocate (this%entries(size(time)))
-      this%entries%time = time
-      this%entries%stored = stored
-      this%entries%stored_rate = stored_rate
-      this%entries%imbalance = imbalance
-      if (this%budget%available) then
-        accounts = size(this%budget%account)
-        do k = 1, size(time)
-          this%entries(k)%power = power((k - 1)*accounts + 1:k*accounts)
-        end do
-      end if
       name = ''
       do k = 1, size(seconds)
         call state%get('phase_'//to_text(k), name)
