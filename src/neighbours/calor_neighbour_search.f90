@@ -259,13 +259,20 @@ contains
     !> Neighbours, row after row
     integer(ip), intent(inout), optional :: index(:)
 
+    ! What describes an absent array is left unset, and must not be handed on.
     associate (cells => sorted%cells)
-      if (sorted%everyone) then
+      if (sorted%everyone .and. present(index)) then
         call search_chunks(cells, cells%first, cells%particle, cells%particle, cells%x, cells%y, &
+                           radius, first, index)
+      else if (sorted%everyone) then
+        call search_chunks(cells, cells%first, cells%particle, cells%particle, cells%x, cells%y, &
+                           radius, first)
+      else if (present(index)) then
+        call search_chunks(cells, sorted%first, sorted%row, sorted%particle, sorted%x, sorted%y, &
                            radius, first, index)
       else
         call search_chunks(cells, sorted%first, sorted%row, sorted%particle, sorted%x, sorted%y, &
-                           radius, first, index)
+                           radius, first)
       end if
     end associate
   end subroutine search_sorted
@@ -287,7 +294,11 @@ contains
     do chunk = 1, chunks
       from = (chunk - 1)*chunk_rows + 1
       to = min(chunk*chunk_rows, size(row))
-      call search_chunk(cells, bucket_first, row, particle, x, y, radius, from, to, first, index)
+      if (present(index)) then
+        call search_chunk(cells, bucket_first, row, particle, x, y, radius, from, to, first, index)
+      else
+        call search_chunk(cells, bucket_first, row, particle, x, y, radius, from, to, first)
+      end if
     end do
     !$omp end parallel do
   end subroutine search_chunks
