@@ -155,7 +155,8 @@ contains
     type(test_error), allocatable, intent(out) :: error
     character(len=*), parameter :: paths(*) = [character(len=40) :: 'data/disc.nml', &
         'data/annulus.nml', 'data/verification/convective_slab_1.nml', &
-        'data/verification/half_space.nml', 'data/verification/anisotropic_10.nml']
+        'data/verification/half_space.nml', 'data/verification/anisotropic_10.nml', &
+        'data/verification/two_slabs_10.nml', 'data/verification/two_slabs_1000.nml']
     type(scene_t) :: scene
     type(simulation_t) :: simulation
     type(error_t), allocatable :: failure

@@ -37,6 +37,9 @@ module calor_scene_evolution
     !> Name of the Laplacian scheme, and its order if it has several
     character(len=:), allocatable :: laplacian
     integer :: order = 0
+    !> Whether rows that reach across interfaces are scaled so that heat stays. Those that tell the
+    !> error of others are not: wide as they are, factors vary so much that their own error counts.
+    logical :: balanced = .true.
     !> Support radius in spacings
     real(wp) :: support = 0.0_wp
   end type method_t
@@ -235,9 +238,11 @@ contains
     if (allocated(error)) return
     if (this%materials%in_force) then
       call divide_by_capacity(this%materials%capacity, conduction%laplacian)
-      call balance_interfaces(conduction, cloud%area, &
-                              [(this%materials%reaches_across(conduction%laplacian, k), &
-                                k=1, conduction%laplacian%rows())])
+      if (this%method%balanced) then
+        call balance_interfaces(conduction, cloud%area, &
+                                [(this%materials%reaches_across(conduction%laplacian, k), &
+                                  k=1, conduction%laplacian%rows())])
+      end if
     end if
     rows%widest = max(rows%widest, this%materials%widest)
     call conduction%stream_rows()

@@ -31,7 +31,8 @@ module calor_simulation
   use calor_scene_body, only: make_scene_body
   use calor_scene_changes, only: scene_changes
   use calor_scene_cloud, only: make_scene_cloud
-  use calor_scene_evolution, only: make_scene_evolution, row_maker_t, scene_method, scene_rows_t
+  use calor_scene_evolution, only: make_scene_evolution, method_t, row_maker_t, scene_method, &
+                                   scene_rows_t
   use calor_scene_file, only: scene_file_t, group_t, parse_scene_text
   use calor_scene_getters, only: get
   use calor_scene_motion, only: motion_t
@@ -1376,6 +1377,7 @@ contains
     type(effect_slot_t), intent(in), optional :: further(:)
     type(scene_t) :: scene
     type(conduction_t) :: reference
+    type(method_t) :: method
     type(scene_rows_t) :: rows
     type(row_maker_t) :: maker
     type(expression_t) :: initial
@@ -1392,8 +1394,10 @@ contains
     scene%laplacian = 'consistent'
     scene%support = usual_support('consistent', scene%order)
     temperature = this%temperature
-    call make_scene_evolution(scene, this%cloud, scene_method(scene), temperature, reference, &
-                              rows, error, further=further, maker=maker)
+    method = scene_method(scene)
+    method%balanced = .false.
+    call make_scene_evolution(scene, this%cloud, method, temperature, reference, rows, error, &
+                              further=further, maker=maker)
     if (allocated(error)) return
     if (allocated(this%motion)) then
       allocate (this%reference_motion)
