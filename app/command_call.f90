@@ -140,11 +140,16 @@ contains
 
     associate (given => size(this%argument))
       if (given >= command%fewest .and. given <= command%most) return
-      taken = 'no argument'
-      if (command%most == 1) taken = 'one argument, '//trim(command%arguments)//','
-      if (command%most == 2) taken = 'at most two arguments, '//trim(command%arguments)//','
-      call raise(error, status_bad_input, 'calor '//this%command//' takes '//taken//' but '// &
-                 to_text(given)//' were given. See calor '//this%command//' --help.')
+      taken = 'takes no argument'
+      if (command%most == 1) taken = 'takes one argument, '//trim(command%arguments)
+      if (command%most == 2) taken = 'takes at most two arguments, '//trim(command%arguments)
+      if (given == 0) then
+        taken = 'needs '//trim(command%arguments)
+      else
+        taken = taken//', but '//to_text(given)//trim(merge(' was ', ' were', given == 1))//' given'
+      end if
+      call raise(error, status_bad_input, 'calor '//this%command//' '//taken//'. See calor '// &
+                 this%command//' --help.')
     end associate
   end subroutine check_count
 

@@ -40,7 +40,7 @@ contains
       line = line//'  solution to compare with'
     end if
     if (study%remaining() >= 0) line = line//', about '//duration_text(study%remaining())//' left'
-    call say_in_place(line(:min(len(line), 79)))
+    call say_in_place(line)
   end subroutine progressed
 
 end module cost_progress

@@ -71,7 +71,7 @@ contains
     associate (seconds => real(now - this%start, wp)/rate)
       if (this%in_place) then
         call say_in_place(progress_line(time, this%end_time, steps, seconds, accumulated_error, &
-                                        this%estimated_error, line_width))
+                                        this%estimated_error, line_width()))
       else
         call say(progress_line(time, this%end_time, steps, seconds, accumulated_error, &
                                this%estimated_error, 0))

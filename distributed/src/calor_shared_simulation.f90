@@ -206,13 +206,13 @@ contains
       if (allocated(this%temperature)) deallocate (this%temperature)
       allocate (this%temperature(cloud%particles()), source=scene%initial_temperature)
       if (scene%initial_expression /= '') then
-        call field_values(scene%initial_expression, scene%path//': &initial', cloud, &
+        call field_values(scene%initial_expression, scene%initial_place, cloud, &
                           this%temperature, error)
       end if
       if (scene%exact_expression /= '' .and. .not. allocated(error)) then
         call compile_expression(scene%exact_expression, this%exact, error)
         if (.not. allocated(error)) then
-          call field_values(scene%exact_expression, scene%path//': &scene', cloud, exact, error)
+          call field_values(scene%exact_expression, scene%exact_place, cloud, exact, error)
         end if
       end if
     end associate

@@ -3,12 +3,12 @@
 !> The tables below are the format. They serve the check of a scene and the help texts. A scene that
 !> has anything else is refused by its name, so that nothing in a scene is silently ignored.
 module calor_scene_contract
-  use calor_error, only: error_t
+  use calor_error, only: error_t, raise, status_bad_input
   use calor_expression, only: expression_t
   use calor_kinds, only: wp
   use calor_scene_file, only: scene_file_t, group_t
   use calor_scene_getters, only: get, get_expression, raise_at
-  use calor_text, only: text_t, to_text, lower_case, join, suggestion
+  use calor_text, only: text_t, append, to_text, lower_case, join, suggestion
   implicit none (type, external)
   private
 
@@ -185,6 +185,11 @@ contains
     type(error_t), allocatable, intent(out) :: error
     integer :: k
 
+    if (size(scene%groups) == 0) then
+      call raise(error, status_bad_input, scene%path//' has no groups, as &domain ... /: it is '// &
+                 'empty or all comments. calor new lists scenes to start from.')
+      return
+    end if
     do k = 1, size(scene%groups)
       call check_group(scene, k, error)
       if (allocated(error)) return
@@ -287,7 +292,7 @@ contains
         rule = find_key_rule(group%name, key)
         if (rule == 0) then
           call raise_at(error, group, key, '&'//group%name//' has no such key.'// &
-                        suggestion(key, key_names(group%name))//new_line('a')// &
+                        remedy_for(key, group%name)//new_line('a')// &
                         'It has: '//join(key_names(group%name), ', ')//'.')
           return
         end if
@@ -302,6 +307,24 @@ contains
       end associate
     end do
   end subroutine check_keys
+
+  !> What to do about a key that a group does not have: where it belongs, or what else was meant.
+  pure function remedy_for(key, group) result(sentence)
+    !> The key, and the group that it stands in
+    character(len=*), intent(in) :: key, group
+    !> ' ' and the sentence; '' if nothing is like it
+    character(len=:), allocatable :: sentence
+    type(text_t), allocatable :: owners(:)
+    integer :: k
+
+    sentence = suggestion(key, key_names(group))
+    allocate (owners(0))
+    do k = 1, size(key_rules)
+      if (key_rules(k)%name /= key) cycle
+      call append(owners, '&'//trim(key_rules(k)%group))
+    end do
+    if (size(owners) > 0) sentence = ' It belongs to '//join(owners, ' or ')//'.'
+  end function remedy_for
 
   !> Check that a key's values have its type.
   subroutine check_type(group, key, type, error)

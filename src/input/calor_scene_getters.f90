@@ -16,7 +16,7 @@ module calor_scene_getters
   private
 
   public :: get, get_choice, get_choices, get_expression, get_varying
-  public :: place_of, raise_at
+  public :: place_of, place_without_value, raise_at
 
   !> Get the value of a key. If the group lacks the key, the default is handed out; without a
   !> default that is an error. The value's type decides what is expected.
@@ -435,8 +435,11 @@ contains
     call raise(error, status_bad_input, place_of(group, key)//': '//message)
   end subroutine raise_at
 
+  !> Where a key stands: `data/plate.nml, line 7: &domain spacing`.
   pure function place_without_value(group, key) result(place)
+    !> The group
     type(group_t), intent(in) :: group
+    !> The key in lower case; '' for the group as a whole
     character(len=*), intent(in) :: key
     character(len=:), allocatable :: place
     integer :: position, line
@@ -447,8 +450,18 @@ contains
     place = group%path
     if (line > 0) place = place//', line '//to_text(line)
     place = place//': &'//group%name
-    if (position > 0) place = place//' '//key
+    if (position > 0) place = place//' '//in_short(key)
   end function place_without_value
+
+  !> The beginning of a name that is too long for a message
+  pure function in_short(name) result(text)
+    character(len=*), intent(in) :: name
+    character(len=:), allocatable :: text
+    integer, parameter :: longest = 60
+
+    text = name
+    if (len(name) > longest) text = name(:longest - 3)//'...'
+  end function in_short
 
   !> Values as they may stand in a scene, at most 60 characters of them.
   pure function values_as_text(values) result(text)
@@ -498,8 +511,21 @@ contains
 
     if (size(entry%values) == 1) return
     call raise_at(error, group, entry%key, 'expected '//expected//', found '// &
-                  to_text(size(entry%values))//' values.')
+                  to_text(size(entry%values))//' values.'//decimal_point(entry))
   end subroutine expect_one
+
+  !> A remedy where 0,025 may stand for 0.025.
+  pure function decimal_point(entry) result(sentence)
+    type(entry_t), intent(in) :: entry
+    !> ' ' and the sentence, or ''
+    character(len=:), allocatable :: sentence
+
+    sentence = ''
+    if (size(entry%values) /= 2) return
+    if (any(entry%values%kind /= kind_whole)) return
+    if (verify(entry%values(2)%text, '0123456789') /= 0) return
+    sentence = ' Decimals have a point: '//entry%values(1)%text//'.'//entry%values(2)%text//'.'
+  end function decimal_point
 
   subroutine expect_text(group, entry, number, error)
     type(group_t), intent(in) :: group

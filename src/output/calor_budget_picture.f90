@@ -15,6 +15,8 @@ module calor_budget_picture
   character(len=7), parameter :: colours(*) = [character(len=7) :: '#d55e00', '#0072b2', &
       '#009e73', '#cc79a7', '#e69f00', '#56b4e9', '#8c6d31']
   character(len=*), parameter :: end = new_line('a')
+  character(len=*), parameter :: style_of_stored = &
+      ' with lines linewidth 2 dashtype 2 linecolor "#000000"'
 
 contains
 
@@ -44,8 +46,7 @@ contains
     end do
     script = script//'end_of_data'//end//'set multiplot'//end//'set tics out nomirror'//end// &
              'set border 3 linewidth 0.7'//end//'set lmargin at screen 0.19'//end// &
-             'set rmargin at screen 0.78'//end//'set key at screen 0.80,0.9 '// &
-             'left top Left reverse noenhanced samplen 3 spacing 1.3'//end// &
+             'set rmargin at screen 0.78'//end//'unset key'//end// &
              'set grid linecolor "#dddddd" linetype 1 '// &
              'linewidth 0.5'//end//time_range//to_text(time(1), digits=9)//':'// &
              to_text(time(size(time)), digits=9)//']'//end// &
@@ -57,20 +58,50 @@ contains
              usual_range(power*10.0_wp**(-power_scale), stored_rate*10.0_wp**(-power_scale))// &
              'set ytics autofreq'//end//'plot '
     do k = 1, size(account)
-      script = script//'$budget using 1:'//to_text(k + 3)//' with linespoints linewidth 2 '// &
-               'pointtype 7 pointsize 0.6 linecolor "'//colours(1 + mod(k - 1, size(colours)))// &
-               '" title "'//in_script(spoken(account(k)%value))//'", '
+      script = script//'$budget using 1:'//to_text(k + 3)//style_of(k)//', '
     end do
-    script = script//'$budget using 1:3 with lines linewidth 2 dashtype 2 linecolor "#000000" '// &
-             'title "stored"'//end// &
-             'unset title'//end//'set tmargin at screen 0.46'//end// &
+    script = script//'$budget using 1:3'//style_of_stored//end//'unset title'//end//'set tmargin at screen 0.46'//end// &
              'set bmargin at screen 0.11'//end//'set format x "%g"'//end// &
-             'set autoscale y'//end//'unset key'//end//'set xlabel "t, s"'//end// &
+             'set autoscale y'//end//'set xlabel "t, s"'//end// &
              'set ylabel "heat stored\n'//factor(stored_scale)//'J per m depth" '// &
              'offset -1.5,0'//end// &
              'plot $budget using 1:2 with linespoints linewidth 2 pointtype 7 pointsize 0.6 '// &
-             'linecolor "#000000"'//end//'unset multiplot'//end
+             'linecolor "#000000"'//end//legend(account)//'unset multiplot'//end
   end function budget_picture
+
+  !> Which line is which, along the height of the picture: that of one plot has room for few names.
+  function legend(account) result(script)
+    type(text_t), intent(in) :: account(:)
+    character(len=:), allocatable :: script
+    !> So many have room
+    integer, parameter :: most = 18
+    integer :: k
+
+    script = 'set tmargin at screen 0.90'//end//'unset border'//end//'unset tics'//end// &
+             'unset grid'//end//'unset xlabel'//end//'unset ylabel'//end// &
+             'set yrange [0:1]'//end//'set key at screen 0.80,0.9 '// &
+             'left top Left reverse noenhanced samplen 3 spacing '
+    script = script//trim(merge('1.3            ', '1.0 font ",11" ', size(account) < most))//end// &
+             'plot '
+    do k = 1, size(account)
+      script = script//'NaN'//style_of(k)//' title "'//in_script(spoken(account(k)%value))//'", '
+    end do
+    script = script//'NaN'//style_of_stored//' title "stored"'//end
+  end function legend
+
+  !> How the line of an account looks: colours begin anew with other dashes.
+  pure function style_of(account) result(text)
+    !> Its number
+    integer, intent(in) :: account
+    character(len=:), allocatable :: text
+    integer :: dashes
+
+    dashes = 1 + (account - 1)/size(colours)
+    ! Dashes 2 are those of the heat stored.
+    if (dashes > 1) dashes = dashes + 1
+    text = ' with linespoints linewidth 2 dashtype '//to_text(dashes)//' pointtype 7 '// &
+           'pointsize 0.6 linecolor "'//colours(1 + mod(account - 1, size(colours)))//'"'
+  end function style_of
 
   !> The power of ten, a multiple of 3, that brings numbers up to the largest below 1000.
   pure function thousands(largest) result(power)

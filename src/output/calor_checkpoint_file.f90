@@ -40,6 +40,8 @@ module calor_checkpoint_file
   character(len=*), parameter :: title = 'calor checkpoint 1'
   character(len=*), parameter :: title_of_any = 'calor checkpoint '
   character(len=1), parameter :: line_feed = achar(10)
+  !> What to do where a checkpoint cannot be used
+  character(len=*), parameter :: remedy = 'Name another by --checkpoint, or run without --resume.'
 
   !> HDF5 has no texts without letters: what stands for them
   character(len=1), parameter :: no_text = achar(0)
@@ -354,7 +356,8 @@ contains
 
     call look_at_path(path, what, text)
     if (what == path_missing) then
-      call raise(error, status_bad_file, 'There is no checkpoint '''//path//'''.')
+      call raise(error, status_bad_file, 'There is no checkpoint '''//path// &
+                 ''' to resume from: name another by --checkpoint, or run without --resume.')
     else if (what /= path_file .or. read_obstacle(path) /= '') then
       if (what == path_file) text = read_obstacle(path)
       if (text == '') text = 'it is no file'
@@ -390,14 +393,14 @@ contains
     end if
     if (place < 0 .or. place > length - last_length) then
       call raise(error, status_bad_file, 'The checkpoint '''//path//''' is damaged at its end, '// &
-                 'cut off or no checkpoint of calor''s: it is not used.')
+                 'cut off or no checkpoint of calor''s: it is not used. '//remedy)
       return
     end if
     head = text_of(bytes(place + 1:length - last_length))
     call checksum%add(bytes(:length - sum_digits - 1))
     if (last(last_length - sum_digits:) /= digits_of(checksum)//line_feed) then
       call raise(error, status_bad_file, 'The checkpoint '''//path//''' is damaged '// &
-                 damaged_part(bytes, head)//': it is not used.')
+                 damaged_part(bytes, head)//': it is not used. '//remedy)
       return
     end if
     if (index(head, line_feed//title//line_feed) /= 1) then

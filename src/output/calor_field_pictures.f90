@@ -186,7 +186,8 @@ contains
     call draw_animation(files%stem//'.gif', layout%width, layout%height, frame_seconds, script, &
                         error)
     if (.not. allocated(error)) then
-      call append(written, files%stem//'.gif: '//field//' at '//to_text(frames)//' times')
+      call append(written, files%stem//'.gif: '//field//' at '//to_text(frames)// &
+                  trim(merge(' time ', ' times', frames == 1)))
     end if
   end subroutine draw_frames
 
@@ -293,11 +294,48 @@ contains
       if (size(one) /= size(time)) return
       power(:, k) = one
     end do
+    call choose_accounts(account, power)
     call write_pictures(files, '_budget', budget_width, budget_height, &
                         budget_picture(stored%title, account, time, power, &
                                        stored_rate, content), &
                         'heat budget over time', written, error)
   end subroutine draw_budget
+
+  !> Leave out what no heat passes through at any time, and count numbered ones as people do.
+  subroutine choose_accounts(account, power)
+    !> Names in the order of letters: 'edge 10' before 'edge 2'
+    type(text_t), allocatable, intent(inout) :: account(:)
+    !> Heat by time and account
+    real(wp), allocatable, intent(inout) :: power(:, :)
+    integer, allocatable :: order(:)
+    integer :: k, place
+
+    allocate (order(0))
+    do k = 1, size(account)
+      if (.not. any(abs(power(:, k)) > 0)) cycle
+      place = size(order)
+      do while (place > 0)
+        if (.not. counts_before(account(k)%value, account(order(place))%value)) exit
+        place = place - 1
+      end do
+      order = [order(:place), k, order(place + 1:)]
+    end do
+    if (size(order) == 0) return
+    account = account(order)
+    power = power(:, order)
+  end subroutine choose_accounts
+
+  !> Whether both names are one with a number, and this number is the smaller one.
+  pure function counts_before(name, other) result(answer)
+    character(len=*), intent(in) :: name, other
+    logical :: answer
+    integer :: blank
+
+    answer = .false.
+    blank = scan(name, ' _', back=.true.)
+    if (blank < 2 .or. blank /= scan(other, ' _', back=.true.)) return
+    answer = name(:blank) == other(:blank) .and. len(name) < len(other)
+  end function counts_before
 
   !> A field, and how it is called
   subroutine read_view(stored, field, step, view, values, error)
@@ -319,9 +357,24 @@ contains
     end if
     view%label = label_of(field)
     if (is_vector) view%label = '|'//view%label//'|'
-    ! Numbers that stand for kinds have no lines between them.
-    view%lines = .not. (stored%is_integer(field) .or. field == 'volume')
+    view%lines = .not. by_particle(stored, field)
+    view%whole_numbers = stored%is_integer(field)
+    view%signed = field == 'error' .or. field == 'error_estimate'
   end subroutine read_view
+
+  !> Whether a field belongs to single particles and their rows: there is nothing between them.
+  function by_particle(stored, field) result(answer)
+    type(stored_fields_t), intent(in) :: stored
+    character(len=*), intent(in) :: field
+    logical :: answer
+
+    select case (field)
+    case ('volume', 'row_quality', 'support_radius', 'condition_gradient', 'condition_laplacian')
+      answer = .true.
+    case default
+      answer = stored%is_integer(field)
+    end select
+  end function by_particle
 
   pure function label_of(field) result(label)
     character(len=*), intent(in) :: field
@@ -342,6 +395,16 @@ contains
       label = 'liquid fraction'
     case ('volume')
       label = 'area of a particle, m²'
+    case ('support_radius')
+      label = 'support radius, m'
+    case ('row_quality')
+      label = 'row quality'
+    case ('row_repair')
+      label = 'repair of the row'
+    case ('condition_gradient')
+      label = 'condition number, first derivative'
+    case ('condition_laplacian')
+      label = 'condition number, second derivative'
     case default
       label = field
     end select
@@ -401,7 +464,7 @@ contains
     real(wp), intent(in) :: values(:)
     type(map_view_t), intent(inout) :: view
 
-    if (stored%is_integer(field) .or. field == 'volume') then
+    if (by_particle(stored, field)) then
       call map%nearest_values(values, view%values)
     else
       call map%values(values, view%values)

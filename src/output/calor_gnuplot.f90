@@ -171,6 +171,9 @@ contains
         escaped = escaped//'\n'
       case ('"', '\')
         escaped = escaped//'\'//text(k:k)
+      case ('`')
+        ! gnuplot would have the shell run what stands between two of them: the code says the same.
+        escaped = escaped//'\140'
       case default
         escaped = escaped//text(k:k)
       end select

@@ -1,7 +1,8 @@
 !> Maps of fields as pictures: colours, a colour bar, lines of equal value, axes in metres.
 !>
 !> The colours are viridis (S. van der Walt, N. Smith, 2015): equal steps of a value look equally
-!> large, in grey too and to those who see few colours.
+!> large, in grey too and to those who see few colours. Signed fields, as errors are, have colours
+!> that diverge from a pale one at 0: ColorBrewer's RdBu (C. Brewer, M. Harrower, 2003).
 module calor_map_picture
   use calor_field_map, only: field_map_t
   use calor_gnuplot, only: in_script
@@ -19,6 +20,11 @@ module calor_map_picture
       '#440154', '#482475', '#414487', '#355f8d', '#2a788e', '#21918c', '#22a884', '#44bf70', &
       '#7ad151', '#bddf26', '#fde725']
 
+  !> From blue for negative values to red for positive ones
+  character(len=7), parameter :: diverging(*) = [character(len=7) :: &
+      '#053061', '#2166ac', '#4393c3', '#92c5de', '#d1e5f0', '#f7f7f7', '#fddbc7', '#f4a582', &
+      '#d6604d', '#b2182b', '#67001f']
+
   !> A field to draw
   type :: map_view_t
     !> Above the map, and beside the colour bar
@@ -29,6 +35,10 @@ module calor_map_picture
     real(wp) :: low = 0.0_wp, high = 1.0_wp
     !> Whether lines of equal value are drawn
     logical :: lines = .true.
+    !> Whether the values are whole numbers, so that the colour bar has marks at such only
+    logical :: whole_numbers = .false.
+    !> Whether the colours diverge from 0
+    logical :: signed = .false.
   end type map_view_t
 
   !> Where maps stand in a picture; lengths in pixels
@@ -119,6 +129,7 @@ contains
     integer, intent(in) :: place
     character(len=:), allocatable :: script
     real(wp), allocatable :: levels(:)
+    logical, allocatable :: on_dark(:)
     real(wp) :: low, high, margin
 
     levels = even_levels(view%low, view%high)
@@ -133,9 +144,11 @@ contains
     script = '$map << end_of_data'//end//grid_text(map, view%values)//'end_of_data'//end// &
              '$dark << end_of_data'//end
     ! Lines are seen on their ground: light on dark colours, dark on light ones.
-    if (view%lines) script = script//lines_text(map, view, pack(levels, levels < 0.5*(low + high)))
+    on_dark = levels < 0.5_wp*(low + high)
+    if (view%signed) on_dark = abs(levels) > 0.6_wp*max(abs(low), abs(high))
+    if (view%lines) script = script//lines_text(map, view, pack(levels, on_dark))
     script = script//'end_of_data'//end//'$light << end_of_data'//end
-    if (view%lines) script = script//lines_text(map, view, pack(levels, levels >= 0.5*(low + high)))
+    if (view%lines) script = script//lines_text(map, view, pack(levels, .not. on_dark))
     script = script//'end_of_data'//end//frame_script(map, view, layout, place, levels, low, high)
     script = script//'plot $map matrix using ('//number(map%x0)//'+$1*'//number(map%step)//'):('// &
              number(map%y0)//'+$2*'//number(map%step)//'):3 with image notitle'
@@ -157,7 +170,7 @@ contains
     integer :: column, row, k, power
 
     power = 0
-    if (view%lines) power = common_power(levels)
+    if (.not. view%whole_numbers) power = common_power(levels)
     column = mod(place - 1, layout%across)
     row = (place - 1)/layout%across
     ! A little more, so that rounding hides no mark at an end
@@ -174,26 +187,21 @@ contains
              'set xrange ['//number(x(1))//':'//number(x(2))//']'//end// &
              'set yrange ['//number(y(1))//':'//number(y(2))//']'//end// &
              'set cbrange ['//number(low)//':'//number(high)//']'//end// &
-             'set palette defined ('
-    do k = 1, size(viridis)
-      if (k > 1) script = script//','
-      script = script//to_text(k - 1)//' "'//viridis(k)//'"'
-    end do
+             palette(view%signed, low, high)
     unit = (4*layout%letters)/3
     if (layout%bar_below) then
       bar = [edge(1), edge(2) - 5.5_wp*unit, real(layout%map_width, wp), unit]
-      script = script//')'//end//'set colorbox horizontal'
+      script = script//'set colorbox horizontal'
     else
       bar = [edge(1) + layout%map_width + unit, edge(2), unit, real(layout%map_height, wp)]
-      script = script//')'//end//'set colorbox vertical'
+      script = script//'set colorbox vertical'
     end if
     script = script//' user origin '//part(bar(1), layout%width)//','// &
              part(bar(2), layout%height)//' size '//part(bar(3), layout%width)//','// &
              part(bar(4), layout%height)//end// &
              'set title "'//in_script(view%title)//'" noenhanced'//end// &
              'set xlabel "x, m"'//end//'set ylabel "y, m"'//end// &
-             'set cblabel "'//in_script(in_powers(view%label, power))//'" noenhanced offset '// &
-             to_text(label_offset())//',0'//end// &
+             bar_label()// &
              'set tics out nomirror'//end//'set border 3 linewidth 0.7'//end//'unset key'//end// &
              'set xtics '//tics(x(2) - x(1), layout%map_width/(6*layout%letters))//end// &
              'set ytics '//tics(y(2) - y(1), layout%map_height/(3*layout%letters))//end// &
@@ -201,7 +209,7 @@ contains
     if (size(levels) == 0) then
       script = script//'set cbtics ("'//to_text(view%low, digits=6)//'" '//number(view%low)//')'// &
                end
-    else if (view%lines) then
+    else if (.not. view%whole_numbers) then
       script = script//'set cbtics ('
       do k = 1, size(levels)
         if (k > 1) script = script//','
@@ -213,19 +221,90 @@ contains
 
   contains
 
-    !> gnuplot reckons with marks of three letters beside a bar of one's own.
-    pure function label_offset() result(letters)
-      integer :: letters
-      integer :: k
+    !> What the bar shows. Beside it gnuplot would reckon with marks of some length of its own.
+    function bar_label() result(text)
+      character(len=:), allocatable :: text
+      !> A letter's width in units, and from bar to marks and from these to the middle of the label
+      real(wp), parameter :: letter = 0.59_wp, gaps = 2.1_wp
+      integer :: letters, m
 
-      letters = 0
-      if (layout%bar_below .or. .not. view%lines) return
-      do k = 1, size(levels)
-        letters = max(letters, len(to_text(levels(k)*10.0_wp**(-power), digits=6)) - 2, 1)
-      end do
-    end function label_offset
+      text = in_script(in_powers(view%label, power))
+      if (layout%bar_below) then
+        text = 'unset label'//end//'set cblabel "'//text//'" noenhanced'//end
+        return
+      end if
+      letters = 3
+      if (.not. view%whole_numbers) then
+        do m = 1, size(levels)
+          letters = max(letters, len(to_text(levels(m)*10.0_wp**(-power), digits=6)))
+        end do
+      end if
+      text = 'unset label'//end//'unset cblabel'//end//'set label "'//text//'" at screen '// &
+             part(bar(1) + bar(3) + (gaps + letters*letter)*unit, layout%width)//','// &
+             part(bar(2) + 0.5_wp*bar(4), layout%height)//' center rotate noenhanced'//end
+    end function bar_label
 
   end function frame_script
+
+  !> Colours by value, and the values at both ends. Those of a signed field reach equally far to both
+  !> sides of 0, and the bar shows the part that there is.
+  pure function palette(signed, low, high) result(script)
+    logical, intent(in) :: signed
+    real(wp), intent(in) :: low, high
+    character(len=:), allocatable :: script
+    character(len=len(viridis)) :: colour(size(viridis))
+    real(wp) :: from, to, part, least, most
+    integer :: first, last, k
+
+    least = low
+    most = high
+    colour = viridis
+    if (signed) then
+      most = max(abs(low), abs(high))
+      least = -most
+      colour = diverging
+    end if
+    ! gnuplot spreads a palette over the bar: only the colours of the bar are handed over, with
+    ! those at its ends mixed from their neighbours.
+    from = (size(colour) - 1)*(low - least)/(most - least)
+    to = (size(colour) - 1)*(high - least)/(most - least)
+    first = floor(from) + 1
+    last = ceiling(to) - 1
+    script = 'set palette defined ('//number(from)//' '//mixed(colour, from)
+    do k = first, last
+      part = k
+      script = script//','//number(part)//' "'//colour(k + 1)//'"'
+    end do
+    script = script//','//number(to)//' '//mixed(colour, to)//')'//end
+  end function palette
+
+  !> The colour at a place in a list that is counted from 0, between two of it perhaps
+  pure function mixed(colour, place) result(text)
+    character(len=*), intent(in) :: colour(:)
+    real(wp), intent(in) :: place
+    character(len=:), allocatable :: text
+    character(len=*), parameter :: digits = '0123456789abcdef'
+    integer :: before, k, one, other, light
+
+    before = max(0, min(size(colour) - 2, floor(place)))
+    text = '"#'
+    do k = 2, 6, 2
+      one = light_of(colour(before + 1)(k:k + 1))
+      other = light_of(colour(before + 2)(k:k + 1))
+      light = max(0, min(255, nint(one + (place - before)*(other - one))))
+      text = text//digits(light/16 + 1:light/16 + 1)//digits(mod(light, 16) + 1:mod(light, 16) + 1)
+    end do
+    text = text//'"'
+
+  contains
+
+    pure integer function light_of(pair)
+      character(len=2), intent(in) :: pair
+
+      light_of = 16*(index(digits, pair(1:1)) - 1) + index(digits, pair(2:2)) - 1
+    end function light_of
+
+  end function mixed
 
   !> The power of ten, a multiple of 3, that numbers are told in where they are too long otherwise
   pure function common_power(numbers) result(power)

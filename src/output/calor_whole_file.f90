@@ -36,7 +36,7 @@ contains
     end if
     ! The compiler's text begins with the name of the unfinished file.
     reason = trim(message(index(message, ': ', back=.true.) + 1:))
-    reason = adjustl(reason)
+    reason = trim(adjustl(reason))
     if (status == 0) call rename_file(partial_path(path), path, reason)
     if (status == 0 .and. reason == '') return
     call raise(error, status_bad_file, 'The file '//path//' cannot be written: '//reason//'.')

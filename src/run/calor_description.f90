@@ -395,8 +395,7 @@ contains
 
     associate (motion => simulation%motion, stopwatch => simulation%stopwatch)
       text = to_text(motion%steps)//' steps of the motion, rows made '// &
-             to_text(motion%assemblies)//' times, lists of neighbours '// &
-             to_text(motion%near%builds)//' times'
+             times(motion%assemblies)//', lists of neighbours '//times(motion%near%builds)
       all = stopwatch%seconds_of('steps')
       do k = 1, size(parts)
         all = all + stopwatch%seconds_of(trim(parts(k)))
@@ -449,6 +448,23 @@ contains
   end function steps
 
   !> A number of steps or states, which may be beyond all integers
+  !> 'once', 'twice', '3 times': how often something was done
+  pure function times(number) result(text)
+    integer, intent(in) :: number
+    character(len=:), allocatable :: text
+
+    select case (number)
+    case (0)
+      text = 'never'
+    case (1)
+      text = 'once'
+    case (2)
+      text = 'twice'
+    case default
+      text = to_text(number)//' times'
+    end select
+  end function times
+
   pure function count_text(number) result(text)
     real(wp), intent(in) :: number
     character(len=:), allocatable :: text
@@ -476,8 +492,8 @@ contains
       if (simulation%scene%time%steady) states = 1
       if (out%every > 0) states = 1 + max(1, ceiling(simulation%scene%time%end/out%every))
       ! A particle's place, cell and static fields take 57 bytes, a field of a state 8.
-      text = out%file//': '//join(out%fields, ', ')//' at '//count_text(states)//' times, '// &
-             'about '//size_text(57.0_wp*n + 8.0_wp*n*states*size(out%fields))
+      text = out%file//': '//join(out%fields, ', ')//' at '//count_text(states)// &
+             trim(merge(' time ', ' times', states < 1.5))//', about '//size_text(57.0_wp*n + 8.0_wp*n*states*size(out%fields))
     end associate
   end function output
 

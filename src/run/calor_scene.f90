@@ -163,6 +163,8 @@ module calor_scene
     character(len=:), allocatable :: title
     !> The true temperature as an expression of x, y and t, or ''
     character(len=:), allocatable :: exact_expression
+    !> Where the scene file gives it, and the temperature at the start
+    character(len=:), allocatable :: exact_place, initial_place
     type(domain_t) :: domain
     !> Name of the smoothing kernel, and its support radius in units of the spacing
     character(len=:), allocatable :: kernel

@@ -17,7 +17,8 @@ module calor_scene_reader
   use calor_scene_body, only: make_scene_body
   use calor_scene_contract, only: check_against_contract
   use calor_scene_file, only: scene_file_t, group_t, read_scene_file, parse_scene_text
-  use calor_scene_getters, only: get, get_choice, get_choices, get_expression, place_of, raise_at
+  use calor_scene_getters, only: get, get_choice, get_choices, get_expression, place_of, &
+                                 place_without_value, raise_at
   use calor_shapes, only: shape_choices
   use calor_taylor_weights, only: default_order
   use calor_text, only: text_t, text_list, to_text
@@ -152,6 +153,7 @@ contains
     call get(group, 'title', scene%title, error, default='')
     if (allocated(error)) return
     call optional_expression(group, 'exact_expression', scene%exact_expression, error)
+    scene%exact_place = place_without_value(group, 'exact_expression')
   end subroutine read_header
 
   subroutine read_domain(file, scene, error)
@@ -340,6 +342,7 @@ contains
     call get(group, 'temperature', scene%initial_temperature, error, default=0.0_wp)
     if (allocated(error)) return
     call optional_expression(group, 'temperature_expression', scene%initial_expression, error)
+    scene%initial_place = place_without_value(group, 'temperature_expression')
   end subroutine read_body
 
   !> What is read with the effect `melting`, which is called for by the latent heat: solidus and

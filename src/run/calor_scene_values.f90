@@ -46,7 +46,7 @@ contains
       if (ieee_is_finite(values(k))) cycle
       call raise(error, status_bad_input, place//': the expression '''//expression// &
                  ''' gives no number at ('//to_text(x(k), digits=6)//', '// &
-                 to_text(y(k), digits=6)//').')
+                 to_text(y(k), digits=6)//'): give one that does wherever there are particles.')
       return
     end do
   end subroutine check_values

@@ -269,11 +269,13 @@ contains
     do bit = 0, size(cloud%boundary) - 1
       if (any((contacts%side == bit .or. covers(bit, contacts%side)) .and. &
               contacts%condition == 0)) then
-        names = names//' '''//cloud%boundary(bit + 1)%value//''''
+        if (names /= '') names = names//', '
+        names = names//''''//cloud%boundary(bit + 1)%value//''''
       end if
     end do
     if (names /= '') then
-      call raise(error, status_bad_input, path//': nothing is said about the boundary'//names// &
+      call raise(error, status_bad_input, path//': nothing is said about the '// &
+                 trim(merge('boundaries', 'boundary  ', index(names, ', ') > 0))//' '//names// &
                  ': add a group &boundary with on, kind (''temperature'', ''flux'', '// &
                  '''insulated'', ''convection'' or ''radiation'') and what that needs.')
     end if

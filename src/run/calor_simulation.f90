@@ -1430,14 +1430,14 @@ contains
     associate (scene => this%scene, cloud => this%cloud)
       allocate (this%temperature(cloud%particles()), source=scene%initial_temperature)
       if (scene%initial_expression /= '') then
-        call field_values(scene%initial_expression, scene%path//': &initial', cloud, &
+        call field_values(scene%initial_expression, scene%initial_place, cloud, &
                           this%temperature, error)
         if (allocated(error)) return
       end if
       if (scene%exact_expression /= '') then
         call compile_expression(scene%exact_expression, this%exact, error)
         if (allocated(error)) return
-        call field_values(scene%exact_expression, scene%path//': &scene', cloud, exact, error)
+        call field_values(scene%exact_expression, scene%exact_place, cloud, exact, error)
         if (allocated(error)) return
       end if
     end associate
