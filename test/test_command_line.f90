@@ -232,7 +232,13 @@ contains
     if (allocated(error)) return
     call expect_call(error, 'run --fast scene.nml', 2, 'no option ''--fast''')
     if (allocated(error)) return
-    call expect_call(error, 'run', 2, 'SCENE')
+    call expect_call(error, 'run', 2, 'calor run needs SCENE.')
+    if (allocated(error)) return
+    call expect_call(error, 'new plate nowhere/plate', 4, &
+                     'nowhere/plate.nml|No such file or directory.')
+    if (allocated(error)) return
+    call expect_call(error, 'run --resume scene.nml', 4, &
+                     'no checkpoint|--checkpoint|without --resume')
     if (allocated(error)) return
     call expect_call(error, 'new plat', 2, 'no scene ''plat''|Did you mean ''plate''|calor new')
     if (allocated(error)) return
@@ -263,7 +269,7 @@ contains
     if (allocated(error)) return
     call expect_call(error, 'run ""', 2, 'name')
     if (allocated(error)) return
-    call expect_call(error, 'run empty.nml', 2, 'empty.nml|&domain')
+    call expect_call(error, 'run empty.nml', 2, 'empty.nml has no groups|&domain|calor new')
     if (allocated(error)) return
     call expect_call(error, 'run prose.nml', 2, 'prose.nml|line 1|outside of any group')
     if (allocated(error)) return
@@ -282,6 +288,14 @@ contains
     call expect_refusals(error, 'run', [ &
         case_t('&kernle support = 2.1 /', 2, &
                'scene.nml, line 11: &kernle|Did you mean ''kernel'''), &
+        case_t('&time end = 1 conductivity = 2 /', 2, &
+               'line 8: &time conductivity|no such key. It belongs to &material.'), &
+        case_t('&kernel support = 2,1 /', 2, &
+               'line 3: &kernel support|Decimals have a point: 2.1.'), &
+        case_t('&initial temperature_expression = ''1/x'' /', 2, &
+               'scene.nml, line 6: &initial temperature_expression|no number at (0, 0)'), &
+        case_t('&boundary on = ''left'' value = 0 /', 2, &
+               'nothing is said about the boundaries ''right'', ''bottom'', ''top'':'), &
         case_t('&kernel suport = 2.1 /', 2, 'scene.nml, line 3: &kernel suport|mean ''support'''), &
         case_t('&domain x_rang = 0, 1 /', 2, &
                'scene.nml, line 2: &domain x_rang|mean ''x_range'''), &

@@ -1,7 +1,7 @@
 !> Pictures by gnuplot, and files that are there whole or not at all.
 module test_gnuplot
   use calor_error, only: error_t, status_bad_file, status_bad_input
-  use calor_gnuplot, only: draw_picture, run_gnuplot
+  use calor_gnuplot, only: draw_picture, run_gnuplot, in_script
   use calor_whole_file, only: write_whole_file
   use test_process, only: contents_of, outcome_t, run_command, write_text
   use testdrive, only: new_unittest, unittest_type, error_type, check, test_failed
@@ -21,6 +21,7 @@ contains
 
     testsuite = [ &
                 new_unittest('a script writes what it is told to', test_script), &
+                new_unittest('no word is a command', test_words), &
                 new_unittest('pictures', test_pictures), &
                 new_unittest('a wrong script', test_wrong_script), &
                 new_unittest('an old picture survives a failure', test_old_picture), &
@@ -42,6 +43,29 @@ contains
     call run_command('ls -d "${TMPDIR:-/tmp}"/calor-*/script', folder//'list', outcome)
     call check(error, index(outcome%output, '/script'), 0, 'scratch is left: '//outcome%output)
   end subroutine test_script
+
+  !> What stands in a scene is drawn and never run, neither by gnuplot nor by a shell.
+  subroutine test_words(error)
+    type(error_type), allocatable, intent(out) :: error
+    character(len=*), parameter :: words = '`touch '//folder//'ran` "x" \ $(id) 100 %'
+    type(error_t), allocatable :: failure
+    logical :: ran
+
+    call execute_command_line('rm -rf '//folder//' && mkdir -p '//folder)
+    call run_gnuplot('set print '''//folder//'said'''//end//'print "'//in_script(words)//'"'//end, &
+                     failure)
+    if (.not. no_failure(error, failure)) return
+    call check(error, contents_of(folder//'said'), words//end)
+    if (allocated(error)) return
+    inquire (file=folder//'ran', exist=ran)
+    call check(error,.not. ran, 'a title was run as a command')
+    if (allocated(error)) return
+    ! Names of pictures, too
+    call draw_picture(folder//'`touch '//folder(:len(folder) - 1)//'ran`.svg', 300, 200, parabola, &
+                      failure)
+    inquire (file=folder(:len(folder) - 1)//'ran', exist=ran)
+    call check(error,.not. ran, 'a name was run as a command')
+  end subroutine test_words
 
   subroutine test_pictures(error)
     type(error_type), allocatable, intent(out) :: error

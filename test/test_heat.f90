@@ -311,10 +311,11 @@ contains
     character(len=*), parameter :: held = &
         '&boundary on = ''all'' kind = ''temperature'' value = 0 / '
 
-    call expect_refusal(square//'&time end = 1 /', '''left'' ''right'' ''bottom'' ''top''', error)
+    call expect_refusal(square//'&time end = 1 /', &
+                        '''left'', ''right'', ''bottom'', ''top''', error)
     if (allocated(error)) return
     call expect_refusal(square//'&time end = 1 / &boundary on = ''left'' kind = ''temperature'''// &
-                        ' value = 0 /', '''right'' ''bottom'' ''top''', error)
+                        ' value = 0 /', '''right'', ''bottom'', ''top''', error)
     if (allocated(error)) return
     call expect_refusal(square//held//'&time end = 1 / &boundary on = ''lef'' '// &
                         'kind = ''temperature'' value = 0 /', 'no boundary called ''lef''', error)

@@ -109,7 +109,12 @@ contains
                 '&domain has no such key. Did you mean ''spacing''?'//lf//'It has: shape, ', error)
     if (allocated(error)) return
     ! The key of another group
-    call refuse('&kernel spacing = 0.1 /', '&kernel has no such key.', error)
+    call refuse('&kernel spacing = 0.1 /', '&kernel has no such key. It belongs to &domain.', error)
+    if (allocated(error)) return
+    call refuse('&scene step = 0.1 /', 'It belongs to &motion or &time.', error)
+    if (allocated(error)) return
+    call refuse('&kernel '//repeat('a', 100)//' = 1 /', '&kernel '//repeat('a', 57)//'... = 1: ', &
+                error)
     if (allocated(error)) return
     ! No expressions where nothing may vary
     call refuse('&time end_expression = ''1'' /', '&time has no such key.', error)

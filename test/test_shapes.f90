@@ -994,7 +994,7 @@ contains
     if (allocated(error)) return
     call interpret_scene(domain//outer, scene, failure)
     call simulation%prepare(scene, failure)
-    call expect(error, failure, 'nothing is said about the boundary')
+    call expect(error, failure, 'nothing is said about the boundaries ''edge 5'', ')
     if (allocated(error)) return
     call check(error, index(failure%message, '''hole 1''') > 0, failure%message)
     if (allocated(error)) return

@@ -3,7 +3,7 @@
 !> The tables below are the format. They serve the check of a scene and the help texts. A scene that
 !> has anything else is refused by its name, so that nothing in a scene is silently ignored.
 module calor_scene_contract
-  use calor_error, only: error_t, raise, status_bad_input
+  use calor_error, only: error_t
   use calor_expression, only: expression_t
   use calor_kinds, only: wp
   use calor_scene_file, only: scene_file_t, group_t
@@ -152,8 +152,8 @@ module calor_scene_contract
       key_rule_t('checkpoint', 'every_seconds', number, '60', 'wall time between two, s; '// &
                  '0: only by every'), &
       key_rule_t('checkpoint', 'every', number, '', 'simulated time between two, s'), &
-      key_rule_t('checkpoint', 'keep', whole, '1', 'how many to keep: older ones are '// &
-                 'called FILE.1, FILE.2'), &
+      key_rule_t('checkpoint', 'keep', whole, '1', 'how many to keep: older ones have '// &
+                 'a number before .h5'), &
       key_rule_t('operators', 'field_expression', expression, '', 'the field'), &
       key_rule_t('operators', 'gradients', texts, '''all''', 'gradient schemes'), &
       key_rule_t('operators', 'laplacians', texts, '''all''', 'Laplacian schemes'), &
@@ -185,11 +185,6 @@ contains
     type(error_t), allocatable, intent(out) :: error
     integer :: k
 
-    if (size(scene%groups) == 0) then
-      call raise(error, status_bad_input, scene%path//' has no groups, as &domain ... /: it is '// &
-                 'empty or all comments. calor new lists scenes to start from.')
-      return
-    end if
     do k = 1, size(scene%groups)
       call check_group(scene, k, error)
       if (allocated(error)) return
@@ -308,7 +303,7 @@ contains
     end do
   end subroutine check_keys
 
-  !> What to do about a key that a group does not have: where it belongs, or what else was meant.
+  !> What to do about a key that a group does not have: what else was meant, or where it belongs.
   pure function remedy_for(key, group) result(sentence)
     !> The key, and the group that it stands in
     character(len=*), intent(in) :: key, group
@@ -318,6 +313,7 @@ contains
     integer :: k
 
     sentence = suggestion(key, key_names(group))
+    if (len(sentence) > 0) return
     allocate (owners(0))
     do k = 1, size(key_rules)
       if (key_rules(k)%name /= key) cycle

@@ -454,8 +454,6 @@ contains
     character(len=:), allocatable :: text
 
     select case (number)
-    case (0)
-      text = 'never'
     case (1)
       text = 'once'
     case (2)
@@ -493,7 +491,8 @@ contains
       if (out%every > 0) states = 1 + max(1, ceiling(simulation%scene%time%end/out%every))
       ! A particle's place, cell and static fields take 57 bytes, a field of a state 8.
       text = out%file//': '//join(out%fields, ', ')//' at '//count_text(states)// &
-             trim(merge(' time ', ' times', states < 1.5))//', about '//size_text(57.0_wp*n + 8.0_wp*n*states*size(out%fields))
+             trim(merge(' time ', ' times', states < 1.5))//', about '// &
+             size_text(57.0_wp*n + 8.0_wp*n*states*size(out%fields))
     end associate
   end function output
 

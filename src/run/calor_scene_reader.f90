@@ -5,7 +5,7 @@ module calor_scene_reader
   use calor_choice, only: choice_t
   use calor_effect, only: effect_slot_t
   use calor_effects, only: called_effects
-  use calor_error, only: error_t
+  use calor_error, only: error_t, raise, status_bad_input
   use calor_expression, only: expression_t
   use calor_gradient_schemes, only: gradient_choices
   use calor_integrators, only: integrator_choices
@@ -110,6 +110,11 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(effect_slot_t), allocatable :: effects(:)
 
+    if (size(file%groups) == 0) then
+      call raise(error, status_bad_input, file%path//' has no groups, as &domain ... /: it is '// &
+                 'empty or all comments. calor new lists scenes to start from.')
+      return
+    end if
     call check_against_contract(file, error)
     if (allocated(error)) return
     scene%path = file%path
