@@ -13,6 +13,7 @@ program main
   use calor_text, only: text_t
   use calor_version, only: version
   use mpi_f08, only: mpi_comm_world
+  use petsc_failure, only: end_run_on_failure
   use petscsys, only: petscinitialize, petscfinalize
   use shared_progress, only: shared_progress_t
   ! PETSc's procedures have no interfaces of their own.
@@ -33,6 +34,7 @@ program main
 
   call ignore_file_size_signal()
   call petscinitialize(failed)
+  call end_run_on_failure()
   call ranks%enter(mpi_comm_world)
   call dispatch(error)
   status = 0
@@ -120,8 +122,7 @@ contains
       if (only_check) then
         call simulation%certify(error)
       else
-        ! PETSc keeps the past of implicit steps, which cannot be laid aside.
-        if (.not. simulation%is_implicit) call watch_for_interrupt()
+        call watch_for_interrupt()
         call progress%begin(scene%time%end, quiet .or. .not. ranks%speaks())
         call run_shared(simulation, error, progress)
         if (.not. allocated(error)) then

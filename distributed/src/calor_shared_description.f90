@@ -197,9 +197,6 @@ contains
     integer :: k
 
     text = ''
-    if (method == 'bdf') then
-      text = 'second order, implicit, by PETSc''s TS: steps of any length, adaptive'
-    end if
     do k = 1, size(integrator_choices)
       if (integrator_choices(k)%name == method) text = trim(integrator_choices(k)%summary)
     end do

@@ -4,7 +4,6 @@ module calor_shared_simulation
   use calor_error, only: error_t, raise, status_bad_file, status_bad_input, status_bad_numbers
   use calor_expression, only: expression_t, compile_expression
   use calor_heat_budget, only: budget_entry_t, heat_budget_t
-  use calor_integrators, only: make_integrator
   use calor_kinds, only: wp, i8
   use calor_method_choice, only: method_choice_t, problem_t, foresee_costs
   use calor_ranks, only: ranks_t
@@ -17,9 +16,9 @@ module calor_shared_simulation
                                      write_shared_checkpoint
   use calor_shared_cloud, only: shared_cloud_t
   use calor_shared_conduction, only: shared_conduction_t
-  use calor_shared_implicit, only: implicit_stepper_t
   use calor_shared_steady_state, only: find_shared_steady_state
   use calor_shared_support, only: refuse_unsupported
+  use calor_shared_tr_bdf2, only: make_shared_integrator, shared_tr_bdf2_t
   use calor_simulation_file, only: check_target
   use calor_spectral_radius, only: estimate_spectral_radius
   use calor_stable_rows, only: inexact_stencil
@@ -48,9 +47,6 @@ module calor_shared_simulation
     integer :: fewest_neighbours = 0, most_neighbours = 0
     type(rightmost_t) :: rightmost
     type(stepper_t) :: stepper
-    !> PETSc's, where steps are implicit
-    type(implicit_stepper_t) :: implicit
-    logical :: is_implicit = .false.
     character(len=:), allocatable :: method
     type(method_choice_t), allocatable :: choice
     real(wp) :: stability_limit = 0.0_wp
@@ -103,7 +99,6 @@ module calor_shared_simulation
     procedure, private :: find_growth
     procedure, private :: choose_steps
     procedure, private :: choose_method
-    procedure, private :: check_implicit
     procedure, private :: state
     procedure, private :: save => save_simulation
     procedure, private :: restore
@@ -112,7 +107,7 @@ module calor_shared_simulation
 contains
 
   subroutine prepare(this, ranks, scene, error)
-    class(shared_simulation_t), intent(inout) :: this
+    class(shared_simulation_t), intent(inout), target :: this
     type(ranks_t), intent(in) :: ranks
     type(scene_t), intent(in) :: scene
     !> The scene cannot be simulated; on all ranks the same
@@ -263,14 +258,14 @@ contains
 
   !> Choose the integrator and its steps as one process would.
   subroutine choose_steps(this, error)
-    class(shared_simulation_t), intent(inout) :: this
+    class(shared_simulation_t), intent(inout), target :: this
     type(error_t), allocatable, intent(out) :: error
     real(wp) :: scale, step, tolerance
 
     associate (time => this%scene%time, stepper => this%stepper)
       this%method = time%method
       if (this%method == 'auto') this%method = 'rkl2'
-      call make_integrator(this%method, stepper%integrator, error)
+      call make_shared_integrator(this%method, this%conduction, stepper%integrator, error)
       if (allocated(error)) return
       scale = this%conduction%temperature_scale()
       tolerance = default_tolerance*scale
@@ -287,12 +282,11 @@ contains
                    '''auto'' or ''rkl2''.')
         return
       end if
-      this%is_implicit = this%method == 'tr_bdf2'
-      if (this%is_implicit) then
-        call this%check_implicit(error)
-        if (allocated(error)) return
-        this%method = 'bdf'
-        call make_integrator('rkl2', stepper%integrator, error)
+      if (this%method == 'tr_bdf2' .and. allocated(this%conduction%content)) then
+        call raise(error, status_bad_input, time%place//': method = ''tr_bdf2'' does not take '// &
+                   'latent heat or materials that depend on the temperature: take ''auto'' or '// &
+                   '''rkl2''.')
+        return
       end if
       this%stability_limit = stepper%integrator%longest_stable_step(stepper%spectral_radius)
       if (time%step > 0) then
@@ -328,30 +322,9 @@ contains
     end associate
   end subroutine choose_steps
 
-  !> What implicit steps are for.
-  subroutine check_implicit(this, error)
-    class(shared_simulation_t), intent(in) :: this
-    type(error_t), allocatable, intent(out) :: error
-
-    associate (time => this%scene%time)
-      if (allocated(this%conduction%content)) then
-        call raise(error, status_bad_input, time%place//': method = ''tr_bdf2'' does not take '// &
-                   'latent heat or materials that depend on the temperature: take ''auto'' or '// &
-                   '''rkl2''.')
-      else if (this%scene%checkpoint%asked) then
-        call raise(error, status_bad_input, this%scene%checkpoint%place//': calor-mpi does not '// &
-                   'support checkpoints of implicit steps, whose past PETSc keeps: take '// &
-                   '&checkpoint out, or &time method = ''rkl2''.')
-      else if (time%step > 0) then
-        call raise(error, status_bad_input, time%place//': calor-mpi does not support implicit '// &
-                   'steps of a given length: leave step out, or take method = ''rkl2''.')
-      end if
-    end associate
-  end subroutine check_implicit
-
   !> Of the explicit methods the cheaper one.
   subroutine choose_method(this, tolerance, error)
-    class(shared_simulation_t), intent(inout) :: this
+    class(shared_simulation_t), intent(inout), target :: this
     !> Error that a step may make, K
     real(wp), intent(in) :: tolerance
     type(error_t), allocatable, intent(out) :: error
@@ -379,7 +352,7 @@ contains
     allocate (this%choice)
     call foresee_costs(problem, this%conduction, stepper, this%state(), this%choice)
     this%method = this%choice%method
-    call make_integrator(this%method, this%stepper%integrator, error)
+    call make_shared_integrator(this%method, this%conduction, this%stepper%integrator, error)
   end subroutine choose_method
 
   subroutine certify(this, error)
@@ -414,11 +387,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
 
     call this%stopwatch%start('steps')
-    if (this%is_implicit) then
-      call this%implicit%advance_to(this%conduction, this%time, time, this%stepper%tolerance, &
-                                    this%stepper%first_proposal(), this%temperature, error)
-      this%stepper%steps = this%implicit%steps
-    else if (allocated(this%content)) then
+    if (allocated(this%content)) then
       call this%stepper%advance_to(this%conduction, this%time, time, this%content, error)
       call this%conduction%find_temperature(this%content, this%temperature)
     else
@@ -496,7 +465,7 @@ contains
   end subroutine note_state
 
   subroutine resume(this, ranks, scene, path, error)
-    class(shared_simulation_t), intent(inout) :: this
+    class(shared_simulation_t), intent(inout), target :: this
     type(ranks_t), intent(in) :: ranks
     type(scene_t), intent(in) :: scene
     !> The checkpoint; '': the one that the scene names
@@ -545,7 +514,7 @@ contains
 
   !> Take up what was laid aside, after `prepare`.
   subroutine restore(this, state, error)
-    class(shared_simulation_t), intent(inout) :: this
+    class(shared_simulation_t), intent(inout), target :: this
     type(saved_state_t), intent(inout) :: state
     !> It does not fit
     type(error_t), allocatable, intent(out) :: error
@@ -559,7 +528,8 @@ contains
     call state%get('output_file', this%earlier_file)
     call state%get('scene', this%earlier_scene)
     call this%budget%restore_entries(this%entries, state)
-    call make_integrator(this%method, this%stepper%integrator, error)
+    call release(this%stepper)
+    call make_shared_integrator(this%method, this%conduction, this%stepper%integrator, error)
     if (allocated(error)) return
     radius = this%stepper%spectral_radius
     longest = this%stepper%longest_step
@@ -621,8 +591,19 @@ contains
   subroutine finish(this)
     class(shared_simulation_t), intent(inout) :: this
 
-    call this%implicit%finish()
+    call release(this%stepper)
     call this%conduction%unload()
   end subroutine finish
+
+  !> Give back what PETSc keeps of an integrator.
+  subroutine release(stepper)
+    type(stepper_t), intent(inout) :: stepper
+
+    if (.not. allocated(stepper%integrator)) return
+    select type (integrator => stepper%integrator)
+    type is (shared_tr_bdf2_t)
+      call integrator%finish()
+    end select
+  end subroutine release
 
 end module calor_shared_simulation

@@ -18,15 +18,21 @@ contains
 
     tests = [new_unittest('a rank is killed', test_killed), &
              new_unittest('the run is told to end', test_told), &
+             new_unittest('implicit steps, killed and told to end', test_implicit), &
              new_unittest('melting, to a later end', test_later_end), &
              new_unittest('an older checkpoint', test_older), &
              new_unittest('checkpoints that do not fit', test_unfit)]
   end subroutine collect_resuming
 
   !> A plate heated through one wall, for a second or more; without checkpoints for '' of these.
-  subroutine write_plate(name, checkpoint)
+  subroutine write_plate(name, checkpoint, steps)
     character(len=*), intent(in) :: name, checkpoint
+    !> The method and its tolerance
+    character(len=*), intent(in), optional :: steps
+    character(len=:), allocatable :: method
 
+    method = 'method=''rkl2'' tolerance=1e-8'
+    if (present(steps)) method = steps
     call write_scene(name, [character(len=wide) :: &
                             '&domain shape=''rectangle'' x_range=0,1 y_range=0,1 spacing=0.02', &
                             '  arrangement=''jittered'' jitter=0.2 /', &
@@ -34,7 +40,7 @@ contains
                             '&boundary on=''all'' kind=''temperature'' value=0 /', &
                             '&boundary on=''left'' kind=''convection'' coefficient=2.0', &
                             '  ambient_expression=''sin(40*t)'' /', &
-                            '&time end=1 method=''rkl2'' tolerance=1e-8 /', &
+                            '&time end=1 '//method//' /', &
                             '&output file='''//name//'.vtkhdf'' every=0.25 /', checkpoint])
   end subroutine write_plate
 
@@ -57,11 +63,12 @@ contains
   end subroutine run_and_signal
 
   !> The field that a run by two ranks without a break leaves in whole.vtkhdf
-  subroutine run_whole(error)
+  subroutine run_whole(error, steps)
     type(error_type), allocatable, intent(out) :: error
+    character(len=*), intent(in), optional :: steps
     integer :: status
 
-    call write_plate('whole', '')
+    call write_plate('whole', '', steps)
     call run_ranks('whole', 2, status)
     call check(error, status, 0, 'the run without a break')
   end subroutine run_whole
@@ -119,6 +126,29 @@ contains
     if (allocated(error)) return
     call resume('told', 3, error)
   end subroutine test_told
+
+  !> What is laid aside is the state and the length of the next step; PETSc keeps nothing else.
+  subroutine test_implicit(error)
+    type(error_type), allocatable, intent(out) :: error
+    character(len=*), parameter :: steps = 'method=''tr_bdf2'' tolerance=1e-6'
+    integer :: status
+
+    call run_whole(error, steps)
+    if (allocated(error)) return
+    call write_plate('implicit', '&checkpoint file=''implicit.h5'' every_seconds=0.02 /', steps)
+    call run_and_signal('implicit', 3, 'KILL', 'implicit.h5', status)
+    call check(error, status, 137, 'the status after the kill')
+    if (allocated(error)) return
+    call resume('implicit', 2, error)
+    if (allocated(error)) return
+    call write_plate('implicit', '', steps)
+    call run_and_signal('implicit', 2, 'TERM', 'implicit.vtkhdf', status)
+    call check(error, status, 143)
+    if (allocated(error)) return
+    call check(error, said('implicit', 'calor-mpi run --resume implicit.nml'), 1)
+    if (allocated(error)) return
+    call resume('implicit', 3, error)
+  end subroutine test_implicit
 
   subroutine test_later_end(error)
     type(error_type), allocatable, intent(out) :: error
