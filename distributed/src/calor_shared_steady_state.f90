@@ -1,13 +1,11 @@
 !> The steady temperature on several ranks by Newton's method, each step solved by PETSc.
-!>
-!> The solver is BiCGStab, preconditioned by algebraic multigrid, unless PETSc's options say
-!> otherwise (-ksp_type, -pc_type, …).
 module calor_shared_steady_state
   use calor_error, only: error_t, raise, status_bad_input, status_bad_numbers
   use calor_kinds, only: wp, i8
   use calor_shared_conduction, only: shared_conduction_t
+  use calor_shared_solver, only: set_up_solver
   use calor_text, only: to_text
-  use petscksp, only: tksp, tpc, tmat, tvec, petsc_null_scalar
+  use petscksp, only: tksp, tmat, tvec, petsc_null_scalar
   ! PETSc's procedures have no interfaces of their own.
   ! allow(C003)
   implicit none (type)
@@ -57,8 +55,7 @@ contains
         call raise(error, status_bad_numbers, &
                    place//': the equations of the steady temperature '// &
                    'could not be solved by the chosen solver: try -ksp_type gmres -pc_type '// &
-                   'asm, '// &
-                   'or -pc_type hypre.')
+                   'asm.')
         return
       end if
       before = conduction%root_mean_square(rate)
@@ -88,7 +85,6 @@ contains
     logical, intent(out) :: solved
     type(tmat) :: jacobian
     type(tksp) :: solver
-    type(tpc) :: preconditioner
     type(tvec) :: right, solution
     real(wp), allocatable :: negative(:), found(:)
     integer :: failed, reason, own
@@ -104,11 +100,7 @@ contains
                                  found, solution, failed)
       call kspcreate(conduction%ranks%comm%mpi_val, solver, failed)
       call kspsetoperators(solver, jacobian, jacobian, failed)
-      call kspsettype(solver, 'bcgs', failed)
-      call kspgetpc(solver, preconditioner, failed)
-      call pcsettype(preconditioner, 'gamg', failed)
-      call kspsettolerances(solver, residual_part, 1.0e-300_wp, 1.0e10_wp, most_iterations, failed)
-      call kspsetfromoptions(solver, failed)
+      call set_up_solver(solver, residual_part, most_iterations)
       call kspsolve(solver, right, solution, failed)
       call kspgetconvergedreason(solver, reason, failed)
       ! Rounding may keep the residual from falling as far as it is asked to.

@@ -3,8 +3,7 @@
 !> TS has the stages of TR-BDF2 as ARKIMEX '2d', but an error estimate of first order. So the tableau
 !> is registered anew with the embedded formula of third order that the library's method has, and
 !> the library's stepper chooses lengths of steps: both programs take the same ones, and what is
-!> laid aside is the state alone. Equations are solved by SNES and KSP, by BiCGStab with algebraic
-!> multigrid unless PETSc's options say otherwise (-ksp_type, -pc_type, -snes_monitor, …).
+!> laid aside is the state alone. Equations are solved by SNES and KSP.
 module calor_shared_tr_bdf2
   use, intrinsic :: iso_c_binding, only: c_char, c_double, c_int, c_null_char, c_null_ptr, c_ptr
   use calor_error, only: error_t
@@ -13,9 +12,10 @@ module calor_shared_tr_bdf2
   use calor_integrators, only: make_integrator
   use calor_kinds, only: wp
   use calor_shared_conduction, only: shared_conduction_t
+  use calor_shared_solver, only: set_up_solver
   use calor_text, only: to_text
   use calor_tr_bdf2, only: tr_bdf2_t
-  use petscts, only: tts, ttsadapt, tsnes, tksp, tpc, tmat, tvec, petsc_null_vec, vecgetarrayf90, &
+  use petscts, only: tts, ttsadapt, tsnes, tksp, tmat, tvec, petsc_null_vec, vecgetarrayf90, &
                      vecgetarrayreadf90, vecrestorearrayf90, vecrestorearrayreadf90, &
                      same_nonzero_pattern, ts_exactfinaltime_stepover
   ! PETSc's procedures have no interfaces of their own.
@@ -28,6 +28,7 @@ module calor_shared_tr_bdf2
   !> What a linear solution may leave of its right side: so little that steps, whose lengths follow
   !> from the estimated error, are the same on any number of ranks
   real(wp), parameter :: residual_part = 1.0e-12_wp
+  integer, parameter :: most_iterations = 1000
   !> Newton's method ends when what is left of it is this part of the tolerance
   real(wp), parameter :: newton_part = 1.0e-3_wp
   !> Without error control, of the state
@@ -167,7 +168,6 @@ contains
   !> Each step is one of TS's, of the length that it is told.
   subroutine make(this)
     class(shared_tr_bdf2_t), intent(inout) :: this
-    type(tpc) :: preconditioner
     type(ttsadapt) :: choice
     integer :: failed
 
@@ -201,10 +201,7 @@ contains
       if (conduction%is_linear()) call snessettype(this%newton, 'ksponly', failed)
     end associate
     call snesgetksp(this%newton, this%solver, failed)
-    call kspsettype(this%solver, 'bcgs', failed)
-    call kspgetpc(this%solver, preconditioner, failed)
-    call pcsettype(preconditioner, 'gamg', failed)
-    call kspsettolerances(this%solver, residual_part, 1.0e-300_wp, 1.0e10_wp, 1000, failed)
+    call set_up_solver(this%solver, residual_part, most_iterations)
     call snessetfromoptions(this%newton, failed)
     this%made = .true.
   end subroutine make
