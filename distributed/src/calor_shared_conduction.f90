@@ -13,6 +13,7 @@ module calor_shared_conduction
   use calor_random, only: random_uniform
   use calor_ranks, only: ranks_t
   use calor_saved_state, only: saved_state_t
+  use calor_sparse_operator, only: sparse_operator_t
   use calor_sums, only: dot
   use petscmat, only: tis, tmat, tvec, tvecscatter, vecgetarrayreadf90, vecrestorearrayreadf90, &
                       add_values, insert_values, mat_copy_values, mat_final_assembly, &
@@ -45,6 +46,8 @@ module calor_shared_conduction
     procedure :: take_part
     !> Put the rows into the matrix
     procedure :: load_rows
+    !> A distributed matrix of rows
+    procedure :: make_matrix
     !> The Jacobian times a factor, plus a multiple of 1, as a matrix
     procedure :: make_jacobian
     !> Give back what PETSc keeps
@@ -94,70 +97,73 @@ contains
   !> The rows themselves are given up.
   subroutine load_rows(this)
     class(shared_conduction_t), intent(inout) :: this
-    integer, allocatable :: near(:), far(:), column(:)
-    real(wp), allocatable :: value(:)
     logical, allocatable :: needed(:)
-    integer :: k, row, length, own, failed, total, first
+    integer :: failed, own
 
     own = this%own_last - this%own_first + 1
-    total = int(this%particles)
-    first = 0
-    if (own > 0) first = int(this%number(this%own_first)) - 1
     associate (rows => this%laplacian)
-      allocate (near(own), source=1)
-      allocate (far(own), source=0)
       allocate (needed(size(this%number)), source=.false.)
-      do k = 1, rows%rows()
-        associate (at => rows%target(k) - this%own_first + 1, &
-                   index => rows%index(rows%first(k):rows%first(k + 1) - 1))
-          far(at) = count(index < this%own_first .or. index > this%own_last)
-          near(at) = size(index) - far(at) + 1
-          needed(index) = .true.
-        end associate
-      end do
+      needed(rows%index) = .true.
       needed(this%own_first:this%own_last) = .false.
       this%received = count(needed)
-      call matcreate(this%ranks%comm%mpi_val, this%matrix, failed)
-      call matsetsizes(this%matrix, own, own, total, total, failed)
-      call matsettype(this%matrix, 'mpiaij', failed)
-      call matmpiaijsetpreallocation(this%matrix, 0, near, 0, far, failed)
-      do k = 1, rows%rows()
-        length = int(rows%first(k + 1) - rows%first(k))
-        row = int(this%number(rows%target(k))) - 1
-        associate (index => rows%index(rows%first(k):rows%first(k + 1) - 1), &
-                   weight => rows%weight(rows%first(k):rows%first(k + 1) - 1))
-          column = [row, int(this%number(index)) - 1]
-          value = this%diffusivity*[rows%diagonal(k), weight]
-        end associate
-        call matsetvalues(this%matrix, 1, [row], length + 1, column, value, insert_values, failed)
-      end do
-      ! Every row has its diagonal, for matrices made of this one.
-      do k = 1, own
-        if (.not. any_row(k)) call matsetvalues(this%matrix, 1, [first + k - 1], 1, &
-                                                [first + k - 1], &
-                                                [0.0_wp], insert_values, failed)
-      end do
+      call this%make_matrix(rows, this%diffusivity, this%matrix)
       deallocate (rows%index, rows%weight)
       allocate (rows%index(0), rows%weight(0))
     end associate
-    call matassemblybegin(this%matrix, mat_final_assembly, failed)
-    call matassemblyend(this%matrix, mat_final_assembly, failed)
-    call veccreatempiwitharray(this%ranks%comm%mpi_val, 1, own, total, petsc_null_scalar, &
-                               this%factor, failed)
-    call veccreatempiwitharray(this%ranks%comm%mpi_val, 1, own, total, petsc_null_scalar, &
-                               this%product, failed)
+    call veccreatempiwitharray(this%ranks%comm%mpi_val, 1, own, int(this%particles), &
+                               petsc_null_scalar, this%factor, failed)
+    call veccreatempiwitharray(this%ranks%comm%mpi_val, 1, own, int(this%particles), &
+                               petsc_null_scalar, this%product, failed)
     this%loaded = .true.
-
-  contains
-
-    !> Whether the k-th own particle has a row
-    pure logical function any_row(k)
-      integer, intent(in) :: k
-
-      any_row = near(k) > 1 .or. far(k) > 0
-    end function any_row
-
   end subroutine load_rows
+
+  !> Where there is no row only the diagonal is there, 0.
+  subroutine make_matrix(this, rows, factor, matrix)
+    class(shared_conduction_t), intent(in) :: this
+    !> Rows of own particles, and what they are multiplied by
+    type(sparse_operator_t), intent(in) :: rows
+    real(wp), intent(in) :: factor
+    !> To be destroyed by the caller
+    type(tmat), intent(out) :: matrix
+    integer, allocatable :: near(:), far(:), column(:)
+    real(wp), allocatable :: value(:)
+    integer :: k, row, length, own, failed, first
+
+    own = this%own_last - this%own_first + 1
+    first = 0
+    if (own > 0) first = int(this%number(this%own_first)) - 1
+    allocate (near(own), source=1)
+    allocate (far(own), source=0)
+    do k = 1, rows%rows()
+      associate (at => rows%target(k) - this%own_first + 1, &
+                 index => rows%index(rows%first(k):rows%first(k + 1) - 1))
+        far(at) = count(index < this%own_first .or. index > this%own_last)
+        near(at) = size(index) - far(at) + 1
+      end associate
+    end do
+    call matcreate(this%ranks%comm%mpi_val, matrix, failed)
+    call matsetsizes(matrix, own, own, int(this%particles), int(this%particles), failed)
+    call matsettype(matrix, 'mpiaij', failed)
+    call matmpiaijsetpreallocation(matrix, 0, near, 0, far, failed)
+    do k = 1, rows%rows()
+      length = int(rows%first(k + 1) - rows%first(k))
+      row = int(this%number(rows%target(k))) - 1
+      associate (index => rows%index(rows%first(k):rows%first(k + 1) - 1), &
+                 weight => rows%weight(rows%first(k):rows%first(k + 1) - 1))
+        column = [row, int(this%number(index)) - 1]
+        value = factor*[rows%diagonal(k), weight]
+      end associate
+      call matsetvalues(matrix, 1, [row], length + 1, column, value, insert_values, failed)
+    end do
+    ! Every row has its diagonal, for matrices made of this one.
+    do k = 1, own
+      if (near(k) > 1 .or. far(k) > 0) cycle
+      call matsetvalues(matrix, 1, [first + k - 1], 1, [first + k - 1], [0.0_wp], insert_values, &
+                        failed)
+    end do
+    call matassemblybegin(matrix, mat_final_assembly, failed)
+    call matassemblyend(matrix, mat_final_assembly, failed)
+  end subroutine make_matrix
 
   !> The derivatives are those of the last `linearise`. Rows of prescribed entries are those of 1.
   subroutine make_jacobian(this, factor, jacobian, shift)

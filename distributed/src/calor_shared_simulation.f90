@@ -19,6 +19,7 @@ module calor_shared_simulation
   use calor_shared_steady_state, only: find_shared_steady_state
   use calor_shared_support, only: refuse_unsupported
   use calor_shared_tr_bdf2, only: make_shared_integrator, shared_tr_bdf2_t
+  use calor_shared_weights, only: find_closing_weights
   use calor_simulation_file, only: check_target
   use calor_spectral_radius, only: estimate_spectral_radius
   use calor_stable_rows, only: inexact_stencil
@@ -400,7 +401,9 @@ contains
     class(shared_simulation_t), intent(inout) :: this
     !> There is none, or it was not found
     type(error_t), allocatable, intent(out) :: error
+    real(wp), allocatable :: weight(:)
     real(wp) :: tolerance
+    logical :: found
 
     call this%stopwatch%start('steady state')
     if (allocated(this%conduction%content)) this%conduction%content%steady = .true.
@@ -413,6 +416,11 @@ contains
     call this%stopwatch%stop()
     if (allocated(error)) return
     if (allocated(this%content)) call this%conduction%find_state(this%temperature, this%content)
+    if (.not. this%budget%available) return
+    call this%stopwatch%start('heat budget')
+    call find_closing_weights(this%conduction, weight, found)
+    if (found) call this%budget%take_weights(weight)
+    call this%stopwatch%stop()
   end subroutine settle
 
   function liquid_fraction(this) result(fraction)

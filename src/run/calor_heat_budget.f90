@@ -53,6 +53,8 @@ module calor_heat_budget
     procedure :: weigh_by_area
     !> Find the weights that make it close
     procedure :: close_exactly
+    !> Take such weights, found elsewhere
+    procedure :: take_weights
     !> The budget of a state
     procedure :: evaluate
     !> The same in words
@@ -98,6 +100,15 @@ contains
     if (allocated(this%weight)) deallocate (this%weight)
     this%conservative = .false.
   end subroutine weigh_by_area
+
+  pure subroutine take_weights(this, weight)
+    class(heat_budget_t), intent(inout) :: this
+    !> One for each particle, m²: with those of the whole body Σ w_i a_ij = 0
+    real(wp), intent(in) :: weight(:)
+
+    this%weight = weight
+    this%conservative = .true.
+  end subroutine take_weights
 
   !> The place of a name in a list, 0 where it is not in it
   pure function place_of(list, name) result(place)
@@ -164,8 +175,7 @@ contains
     call factors%solve(right_side, solution, .true., done)
     call factors%release()
     if (.not. done) return
-    this%weight = solution(:n)
-    this%conservative = .true.
+    call this%take_weights(solution(:n))
 
   contains
 
