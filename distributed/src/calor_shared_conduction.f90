@@ -16,7 +16,8 @@ module calor_shared_conduction
   use calor_sparse_operator, only: sparse_operator_t
   use calor_sums, only: dot
   use petscmat, only: tis, tmat, tvec, tvecscatter, vecgetarrayreadf90, vecrestorearrayreadf90, &
-                      add_values, insert_values, mat_copy_values, mat_final_assembly, &
+                      add_values, insert_values, mat_copy_values, mat_do_not_copy_values, &
+                      mat_final_assembly, same_nonzero_pattern, &
                       petsc_comm_self, petsc_copy_values, petsc_null_is, petsc_null_scalar, &
                       petsc_null_vec, scatter_forward
   use mpi_f08, only: mpi_allreduce, mpi_double_precision, mpi_in_place, mpi_sum
@@ -41,6 +42,10 @@ module calor_shared_conduction
     !> What is multiplied, and the product; their arrays are those of the caller
     type(tvec) :: factor, product
     logical, private :: loaded = .false.
+    !> The way of values to the particles here that are other ranks', and where they arrive
+    type(tvecscatter), private :: way
+    type(tvec), private :: taken
+    logical, private :: completing = .false.
   contains
     !> Take the own part of a cloud
     procedure :: take_part
@@ -50,8 +55,11 @@ module calor_shared_conduction
     procedure :: make_matrix
     !> The Jacobian times a factor, plus a multiple of 1, as a matrix
     procedure :: make_jacobian
+    !> What the rows of one rank need besides, all ranks take part in
+    procedure :: share_parts
     !> Give back what PETSc keeps
     procedure :: unload
+    procedure :: complete
     procedure :: apply_rows
     procedure :: stream_rows
     procedure :: combine_with_rate
@@ -75,6 +83,8 @@ module calor_shared_conduction
     procedure :: join_counts
     procedure :: join_reals
     procedure :: whole_number
+    procedure, private :: weigh_products
+    procedure, private :: jump_matrix
   end type shared_conduction_t
 
 contains
@@ -174,18 +184,30 @@ contains
     !> What is added to the diagonal; 0 without it
     real(wp), intent(in), optional :: shift
     type(tvec) :: numbers
+    type(tmat) :: added
     real(wp), allocatable :: own(:), free(:)
     integer, allocatable :: held(:)
     integer :: failed, k, first_row
 
     associate (first => this%own_first, last => this%own_last)
-      call matduplicate(this%matrix, mat_copy_values, jacobian, failed)
       allocate (own(last - first + 1), source=1.0_wp)
       call veccreatempiwitharray(this%ranks%comm%mpi_val, 1, size(own), int(this%particles), own, &
                                  numbers, failed)
-      if (allocated(this%content)) then
+      if (allocated(this%local)) then
+        call this%weigh_products(jacobian)
+      else
+        call matduplicate(this%matrix, mat_copy_values, jacobian, failed)
+        if (allocated(this%content)) then
+          own = this%potential_slope(first:last)
+          call matdiagonalscale(jacobian, petsc_null_vec, numbers, failed)
+        end if
+      end if
+      if (allocated(this%jumps)) then
+        call this%jump_matrix(added)
         own = this%potential_slope(first:last)
-        call matdiagonalscale(jacobian, petsc_null_vec, numbers, failed)
+        call matdiagonalscale(added, petsc_null_vec, numbers, failed)
+        call mataxpy(jacobian, 1.0_wp, added, same_nonzero_pattern, failed)
+        call matdestroy(added, failed)
       end if
       if (allocated(this%slope)) then
         own = this%slope(first:last)
@@ -204,6 +226,70 @@ contains
     end associate
   end subroutine make_jacobian
 
+  !> Where conductivities are no products: with rows R, factors c and levels ℓ, and how these follow
+  !> the state, c' and ℓ', that is ½ (R (c ℓ' + ℓ c') + c R ℓ' - ℓ R c') + ½ (c' R ℓ - ℓ' R c).
+  subroutine weigh_products(this, jacobian)
+    class(shared_conduction_t), intent(in) :: this
+    !> To be destroyed by the caller
+    type(tmat), intent(out) :: jacobian
+    type(tmat) :: part
+    type(tvec) :: from_left, from_right
+    real(wp), allocatable :: left(:), right(:)
+    integer :: failed, own
+
+    own = this%own_last - this%own_first + 1
+    allocate (left(own), right(own))
+    call veccreatempiwitharray(this%ranks%comm%mpi_val, 1, own, int(this%particles), left, &
+                               from_left, failed)
+    call veccreatempiwitharray(this%ranks%comm%mpi_val, 1, own, int(this%particles), right, &
+                               from_right, failed)
+    associate (c => this%local%factor(this%own_first:this%own_last), &
+               level => this%local%level(this%own_first:this%own_last), &
+               flow => this%local%flow(this%own_first:this%own_last), &
+               factor_flow => this%local%factor_flow(this%own_first:this%own_last), &
+               growth => this%potential_slope(this%own_first:this%own_last), &
+               warming => this%local%factor_slope(this%own_first:this%own_last)* &
+                          this%temperature_slope(this%own_first:this%own_last))
+      call matduplicate(this%matrix, mat_copy_values, jacobian, failed)
+      right = 0.5_wp*(c*growth + level*warming)
+      call matdiagonalscale(jacobian, petsc_null_vec, from_right, failed)
+      call matduplicate(this%matrix, mat_copy_values, part, failed)
+      left = 0.5_wp*c
+      right = growth
+      call matdiagonalscale(part, from_left, from_right, failed)
+      call mataxpy(jacobian, 1.0_wp, part, same_nonzero_pattern, failed)
+      call matcopy(this%matrix, part, same_nonzero_pattern, failed)
+      left = -0.5_wp*level
+      right = warming
+      call matdiagonalscale(part, from_left, from_right, failed)
+      call mataxpy(jacobian, 1.0_wp, part, same_nonzero_pattern, failed)
+      left = 0.5_wp*(warming*flow - growth*factor_flow)
+      call matdiagonalset(jacobian, from_left, add_values, failed)
+    end associate
+    call matdestroy(part, failed)
+    call vecdestroy(from_left, failed)
+    call vecdestroy(from_right, failed)
+  end subroutine weigh_products
+
+  !> What jumps of potentials at interfaces add to the rows.
+  subroutine jump_matrix(this, added)
+    class(shared_conduction_t), intent(in) :: this
+    !> Of the same pattern as the rows; to be destroyed by the caller
+    type(tmat), intent(out) :: added
+    integer, allocatable :: index(:)
+    real(wp), allocatable :: weight(:)
+    integer :: failed, k, place
+
+    call matduplicate(this%matrix, mat_do_not_copy_values, added, failed)
+    do k = 1, this%jumps%rows()
+      call this%jumps%added_weights(k, place, index, weight)
+      call matsetvalues(added, 1, [int(this%number(place)) - 1], size(index), &
+                        int(this%number(index)) - 1, weight, add_values, failed)
+    end do
+    call matassemblybegin(added, mat_final_assembly, failed)
+    call matassemblyend(added, mat_final_assembly, failed)
+  end subroutine jump_matrix
+
   subroutine unload(this)
     class(shared_conduction_t), intent(inout) :: this
     integer :: failed
@@ -212,7 +298,12 @@ contains
     call vecdestroy(this%factor, failed)
     call vecdestroy(this%product, failed)
     call matdestroy(this%matrix, failed)
+    if (this%completing) then
+      call vecscatterdestroy(this%way, failed)
+      call vecdestroy(this%taken, failed)
+    end if
     this%loaded = .false.
+    this%completing = .false.
   end subroutine unload
 
   subroutine apply_rows(this, temperature, rate)
@@ -411,32 +502,61 @@ contains
     class(shared_conduction_t), intent(inout) :: this
     real(wp), intent(in) :: state(:)
     real(wp), intent(out) :: result(:)
-    real(wp), allocatable :: own(:), here(:)
-    real(wp), pointer :: values(:)
-    type(tvec) :: given, taken
-    type(tis) :: numbers
-    type(tvecscatter) :: way
-    integer :: failed
+    real(wp), allocatable :: here(:)
 
-    own = state(this%own_first:this%own_last)
-    allocate (here(size(state)))
-    call veccreatempiwitharray(this%ranks%comm%mpi_val, 1, size(own), int(this%particles), own, &
-                               given, failed)
-    call veccreateseq(petsc_comm_self, size(here), taken, failed)
-    call iscreategeneral(petsc_comm_self, size(here), int(this%number) - 1, petsc_copy_values, &
-                         numbers, failed)
-    call vecscattercreate(given, numbers, taken, petsc_null_is, way, failed)
-    call vecscatterbegin(way, given, taken, insert_values, scatter_forward, failed)
-    call vecscatterend(way, given, taken, insert_values, scatter_forward, failed)
-    call vecgetarrayreadf90(taken, values, failed)
-    here = values
-    call vecrestorearrayreadf90(taken, values, failed)
-    call vecscatterdestroy(way, failed)
-    call isdestroy(numbers, failed)
-    call vecdestroy(taken, failed)
-    call vecdestroy(given, failed)
+    here = state
+    call this%complete(here)
     call this%conduction_t%apply_held_rows(here, result)
   end subroutine apply_held_rows
+
+  subroutine complete(this, values)
+    class(shared_conduction_t), intent(inout) :: this
+    real(wp), intent(inout), contiguous :: values(:)
+    type(tis) :: numbers
+    real(wp), pointer :: arrived(:)
+    real(wp), allocatable :: own(:)
+    integer :: failed
+
+    own = values(this%own_first:this%own_last)
+    call vecplacearray(this%factor, own, failed)
+    if (.not. this%completing) then
+      call veccreateseq(petsc_comm_self, size(values), this%taken, failed)
+      call iscreategeneral(petsc_comm_self, size(values), int(this%number) - 1, &
+                           petsc_copy_values, numbers, failed)
+      call vecscattercreate(this%factor, numbers, this%taken, petsc_null_is, this%way, failed)
+      call isdestroy(numbers, failed)
+      this%completing = .true.
+    end if
+    call vecscatterbegin(this%way, this%factor, this%taken, insert_values, scatter_forward, failed)
+    call vecscatterend(this%way, this%factor, this%taken, insert_values, scatter_forward, failed)
+    call vecresetarray(this%factor, failed)
+    call vecgetarrayreadf90(this%taken, arrived, failed)
+    values = arrived
+    call vecrestorearrayreadf90(this%taken, arrived, failed)
+  end subroutine complete
+
+  !> Products with rows are made by all ranks together, those that an interface or a conductivity
+  !> of only some ranks' particles needs as well.
+  subroutine share_parts(this)
+    class(shared_conduction_t), intent(inout) :: this
+    real(wp) :: lowest, highest, reference
+    logical :: jumps
+
+    if (.not. allocated(this%content)) return
+    call this%expected_range(lowest, highest)
+    jumps = this%ranks%any_of(allocated(this%jumps))
+    if (jumps .and. .not. allocated(this%jumps)) then
+      allocate (this%jumps)
+      call this%jumps%prepare(this%content%law, lowest, highest)
+    end if
+    if (.not. this%ranks%any_of(allocated(this%local))) return
+    reference = -huge(1.0_wp)
+    if (allocated(this%local)) reference = this%local%reference
+    reference = this%ranks%most(reference)
+    if (allocated(this%local)) return
+    allocate (this%local)
+    call this%local%prepare(this%unknowns(), reference, lowest, highest)
+  end subroutine share_parts
 
   !> What ranks have found by themselves is put together: others may take it up.
   subroutine save_shared(this, state)

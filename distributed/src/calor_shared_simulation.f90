@@ -170,14 +170,7 @@ contains
       call this%particles%extend(this%ranks, this%scene, this%rows%widest, done, error)
       if (allocated(error)) return
     end do
-    ! What these add to products with the rows needs the temperatures of other ranks' particles.
-    if (this%ranks%any_of(allocated(conduction%jumps) .or. allocated(conduction%local))) then
-      call raise(error, status_bad_input, this%scene%path//': calor-mpi does not support '// &
-                 'materials in contact that depend on T by unlike factors, nor conductivities '// &
-                 'that are no product of a function of x and y and one of T; run the scene by '// &
-                 'calor.')
-      return
-    end if
+    call conduction%share_parts()
     this%conduction = conduction
     associate (rows => this%conduction%laplacian)
       neighbours = int(rows%first(2:) - rows%first(:rows%rows()))

@@ -32,6 +32,8 @@ contains
              new_unittest('polygon with radiation and flux', test_polygon), &
              new_unittest('melting', test_melting), &
              new_unittest('steady', test_steady), &
+             new_unittest('unlike laws in contact', test_unlike), &
+             new_unittest('a conductivity that is no product', test_no_product), &
              new_unittest('VTK''s reader opens the file', test_vtk), &
              new_unittest('implicit steps', test_implicit), &
              new_unittest('implicit steps of a given length', test_given_steps)]
@@ -295,6 +297,45 @@ contains
                               '&time steady=.true. /', &
                               '&output file=''steadyslab.vtkhdf'' /'], [1, 3], error)
   end subroutine test_steady
+
+  !> Jumps of potentials at an interface, in time and steady
+  subroutine test_unlike(error)
+    type(error_type), allocatable, intent(out) :: error
+    character(len=wide), parameter :: start(*) = [character(len=wide) :: &
+        '&domain shape=''rectangle'' x_range=0,1 y_range=0,0.6 spacing=0.04', &
+        '  arrangement=''jittered'' jitter=0.2 seed=3 /', &
+        '&material conductivity_expression=''1+T'' /', &
+        '&material conductivity_expression=''10/(1+T)'' density=2 where_expression=''x>0.503'' /', &
+        '&initial temperature_expression=''x'' /', &
+        '&boundary on=''all'' kind=''insulated'' /', &
+        '&boundary on=''left'' kind=''temperature'' value_expression=''y'' /', &
+        '&boundary on=''right'' kind=''temperature'' value=1 /']
+
+    call agree('unlike', [start, [character(len=wide) :: '&time end=0.01 method=''rkl2'' /', &
+                                  '&output file=''unlike.vtkhdf'' /']], [1, 3], error)
+    if (allocated(error)) return
+    call agree('unlikesteady', [start, [character(len=wide) :: '&time steady=.true. /', &
+                                        '&output file=''unlikesteady.vtkhdf'' /']], [1, 2], error)
+  end subroutine test_unlike
+
+  subroutine test_no_product(error)
+    type(error_type), allocatable, intent(out) :: error
+    character(len=wide), parameter :: start(*) = [character(len=wide) :: &
+        '&domain shape=''rectangle'' x_range=0,1 y_range=0,0.6 spacing=0.04', &
+        '  arrangement=''jittered'' jitter=0.2 seed=3 /', &
+        '&material conductivity_expression=''1+x*T'' /', &
+        '&initial temperature_expression=''x'' /', &
+        '&boundary on=''all'' kind=''insulated'' /', &
+        '&boundary on=''left'' kind=''temperature'' value_expression=''y'' /', &
+        '&boundary on=''right'' kind=''temperature'' value=1 /']
+
+    call agree('noproduct', [start, [character(len=wide) :: '&time end=0.01 method=''rkl2'' /', &
+                                     '&output file=''noproduct.vtkhdf'' /']], [1, 3], error)
+    if (allocated(error)) return
+    call agree('noproductsteady', [start, [character(len=wide) :: '&time steady=.true. /', &
+                                           '&output file=''noproductsteady.vtkhdf'' /']], &
+               [1, 2], error)
+  end subroutine test_no_product
 
   !> Where VTK's reader is installed (`tools/set_up.sh vtk`)
   subroutine test_vtk(error)

@@ -79,6 +79,9 @@ module calor_potential_jumps
     procedure :: correct_product
     !> Correct the weights of rows
     procedure :: correct_weights
+    !> Hand out what a row adds to weights
+    procedure :: rows
+    procedure :: added_weights
     !> The largest sum of magnitudes by which the weights of a row are corrected
     procedure :: largest_sum
     procedure, private :: find_contact
@@ -356,6 +359,29 @@ contains
       end associate
     end do
   end subroutine correct_weights
+
+  pure function rows(this) result(number)
+    class(potential_jumps_t), intent(in) :: this
+    integer :: number
+
+    number = size(this%place)
+  end function rows
+
+  !> Several rows may belong to one particle, one for each of its interfaces.
+  pure subroutine added_weights(this, row, place, index, weight)
+    class(potential_jumps_t), intent(in) :: this
+    integer, intent(in) :: row
+    !> Where its result is to go
+    integer, intent(out) :: place
+    !> Particles, and what is added to their weights
+    integer, allocatable, intent(out) :: index(:)
+    real(wp), allocatable, intent(out) :: weight(:)
+    integer :: n
+
+    place = this%place(row)
+    index = this%index(this%first(row):this%first(row + 1) - 1)
+    weight = [(weight_of(this, row, n), n=this%first(row), this%first(row + 1) - 1)]
+  end subroutine added_weights
 
   pure function largest_sum(this) result(largest)
     class(potential_jumps_t), intent(in) :: this

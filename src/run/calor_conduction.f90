@@ -151,6 +151,8 @@ module calor_conduction
     procedure :: span
     procedure :: agree
     !> The same for lists, one process's after another's; and the numbers of particles in the whole
+    !> Put true values in place of those of other processes' particles
+    procedure :: complete
     procedure :: join_counts
     procedure :: join_reals
     procedure :: whole_number
@@ -259,7 +261,10 @@ contains
     else
       call this%apply_rows(this%potential, rate)
     end if
-    if (allocated(this%jumps)) call this%jumps%correct(this%temperature, this%potential, rate)
+    if (.not. allocated(this%jumps)) return
+    call this%complete(this%temperature)
+    call this%complete(this%potential)
+    call this%jumps%correct(this%temperature, this%potential, rate)
   end subroutine conduct
 
   !> How what conduction makes of a state changes with it, by the last `linearise`
@@ -286,7 +291,9 @@ contains
     else
       call this%apply_rows(this%potential, product)
     end if
-    if (allocated(this%jumps)) call this%jumps%correct_product(this%potential, product)
+    if (.not. allocated(this%jumps)) return
+    call this%complete(this%potential)
+    call this%jumps%correct_product(this%potential, product)
   end subroutine conduct_change
 
   subroutine linearise_conduction(this, u)
@@ -297,7 +304,11 @@ contains
     call this%content%slopes(u, this%temperature_slope, this%potential_slope)
     if (.not. (allocated(this%jumps) .or. allocated(this%local))) return
     call this%content%evaluate(u, this%temperature, this%potential)
-    if (allocated(this%jumps)) call this%jumps%linearise(this%temperature, this%potential)
+    if (allocated(this%jumps)) then
+      call this%complete(this%temperature)
+      call this%complete(this%potential)
+      call this%jumps%linearise(this%temperature, this%potential)
+    end if
     if (.not. allocated(this%local)) return
     associate (local => this%local)
       call local%mark(this%temperature)
@@ -1003,6 +1014,16 @@ contains
     associate (unused => this, also => list)
     end associate
   end subroutine join_reals
+
+  !> One process knows them all.
+  subroutine complete(this, values)
+    class(conduction_t), intent(inout) :: this
+    !> One for each particle here
+    real(wp), intent(inout), contiguous :: values(:)
+
+    associate (unused => this, also => values)
+    end associate
+  end subroutine complete
 
   elemental function whole_number(this, particle) result(number)
     class(conduction_t), intent(in) :: this
