@@ -78,6 +78,7 @@ module calor_shared_conduction
     procedure :: agree
     procedure :: save => save_shared
     procedure :: own_particles
+    procedure :: largest
     procedure :: add_up
     procedure :: apply_held_rows
     procedure :: join_counts
@@ -488,6 +489,14 @@ contains
     first = this%own_first
     last = this%own_last
   end subroutine own_particles
+
+  function largest(this, value) result(of_all)
+    class(shared_conduction_t), intent(in) :: this
+    real(wp), intent(in) :: value
+    real(wp) :: of_all
+
+    of_all = this%ranks%most(value)
+  end function largest
 
   subroutine add_up(this, sums)
     class(shared_conduction_t), intent(in) :: this

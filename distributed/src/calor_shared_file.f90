@@ -11,6 +11,7 @@ module calor_shared_file
   use calor_heat_budget, only: budget_entry_t, heat_budget_t
   use calor_kinds, only: wp, i8
   use calor_ranks, only: ranks_t
+  use calor_row_fields, only: is_row_field
   use calor_scene, only: scene_t
   use calor_scene_changes, only: scene_changes
   use calor_scene_file, only: scene_file_t, parse_scene_text
@@ -47,6 +48,8 @@ module calor_shared_file
   contains
     !> Create the file with its particles
     procedure :: open => open_file
+    !> Write a field that does not change
+    procedure :: write_static
     !> Append a state
     procedure :: write_state
     !> Put the file in its place, that of an older one perhaps
@@ -129,6 +132,23 @@ contains
     end subroutine begin_file
 
   end subroutine open_file
+
+  subroutine write_static(this, name, values, error)
+    class(shared_file_t), intent(inout) :: this
+    character(len=*), intent(in) :: name
+    !> One for each particle here
+    real(wp), intent(in) :: values(:)
+    type(error_t), allocatable, intent(out) :: error
+    type(stretches_t) :: stretches
+    real(wp), allocatable :: arranged(:)
+
+    if (.not. this%in_use) return
+    if (this%ranks%speaks()) call this%file%place_static(name, .false., stretches, error)
+    call this%ranks%agree(error)
+    if (allocated(error)) return
+    call this%order%arrange(this%ranks, values, arranged)
+    call this%put(stretches, this%order%first, 8, transfer(arranged, [0_int8]), error)
+  end subroutine write_static
 
   !> Write rows, each rank its own, where the rank that speaks says.
   subroutine put(this, stretches, first, bytes, values, error)
@@ -269,6 +289,7 @@ contains
       call this%ranks%agree(error)
       do k = 1, size(this%fields)
         if (allocated(error)) exit
+        if (is_row_field(this%fields(k)%value)) cycle
         if (.not. earlier%has(this%fields(k)%value)) cycle
         call earlier%read_field(this%fields(k)%value, state, values, error, &
                                 skip=this%order%first, rows=this%order%rows)

@@ -2,6 +2,7 @@
 module calor_shared_run
   use calor_error, only: error_t, raise
   use calor_kinds, only: wp
+  use calor_row_fields, only: find_row_field, is_row_field
   use calor_shared_clock, only: shared_clock_t
   use calor_shared_description, only: effects_in_force
   use calor_shared_file, only: shared_file_t
@@ -73,6 +74,7 @@ contains
       associate (cloud => simulation%particles%cloud)
         call file%open(simulation%ranks, simulation%scene, cloud, &
                        simulation%particles%bands%particles, effects_in_force(simulation), error)
+        if (.not. allocated(error)) call write_row_fields()
         if (.not. allocated(error) .and. allocated(simulation%earlier_file)) then
           if (simulation%earlier_file == simulation%scene%output%file) then
             call file%take_over(simulation%earlier_scene, simulation%entries%time, error)
@@ -80,11 +82,29 @@ contains
           end if
         end if
       end associate
-      if (.not. allocated(error) .and. allocated(simulation%method)) then
-        call file%say('time_method', simulation%method)
+      if (.not. allocated(error) .and. allocated(simulation%steps%method)) then
+        call file%say('time_method', simulation%steps%method)
       end if
       call simulation%stopwatch%stop()
     end subroutine open_file
+
+    subroutine write_row_fields()
+      real(wp), allocatable :: values(:)
+      integer :: k
+
+      allocate (values(simulation%particles%cloud%particles()))
+      do k = 1, size(simulation%scene%output%fields)
+        associate (name => simulation%scene%output%fields(k)%value, rows => simulation%rows)
+          if (.not. is_row_field(name)) cycle
+          call find_row_field(name, simulation%conduction%laplacian%target, rows%report, &
+                              rows%repairs, rows%radius, values)
+          call file%write_static(name, values, error)
+        end associate
+        if (.not. allocated(error)) cycle
+        call file%abandon()
+        return
+      end do
+    end subroutine write_row_fields
 
     subroutine write_state()
       call simulation%stopwatch%start('output')

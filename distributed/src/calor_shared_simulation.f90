@@ -5,7 +5,6 @@ module calor_shared_simulation
   use calor_expression, only: expression_t, compile_expression
   use calor_heat_budget, only: budget_entry_t, heat_budget_t
   use calor_kinds, only: wp, i8
-  use calor_method_choice, only: method_choice_t, problem_t, foresee_costs
   use calor_ranks, only: ranks_t
   use calor_rightmost_eigenvalue, only: rightmost_t, find_rightmost
   use calor_saved_state, only: saved_state_t
@@ -21,8 +20,9 @@ module calor_shared_simulation
   use calor_shared_tr_bdf2, only: make_shared_integrator, shared_tr_bdf2_t
   use calor_shared_weights, only: find_closing_weights
   use calor_simulation_file, only: check_target
-  use calor_spectral_radius, only: estimate_spectral_radius
   use calor_stable_rows, only: inexact_stencil
+  use calor_step_choice, only: default_tolerance, find_step_limits, states_after_start, &
+                               step_choice_t
   use calor_stepper, only: stepper_t
   use calor_stopwatch, only: stopwatch_t
   use calor_text, only: to_text
@@ -32,8 +32,7 @@ module calor_shared_simulation
   public :: shared_simulation_t
 
   !> As in the driver of one process
-  real(wp), parameter :: safe_part = 0.9_wp, default_tolerance = 1.0e-6_wp, rounding = 1.0e-11_wp, &
-                         most_euler_steps = 1.0e15_wp
+  real(wp), parameter :: rounding = 1.0e-11_wp
 
   !> A scene at work on several ranks
   type :: shared_simulation_t
@@ -48,9 +47,8 @@ module calor_shared_simulation
     integer :: fewest_neighbours = 0, most_neighbours = 0
     type(rightmost_t) :: rightmost
     type(stepper_t) :: stepper
-    character(len=:), allocatable :: method
-    type(method_choice_t), allocatable :: choice
-    real(wp) :: stability_limit = 0.0_wp
+    !> The method, and why
+    type(step_choice_t) :: steps
     !> Newton steps that the steady temperature took
     integer :: newton_steps = 0
     !> Time, s, and temperatures of the particles here; those of other ranks mean nothing
@@ -86,8 +84,6 @@ module calor_shared_simulation
     procedure :: settle
     !> How much of each particle is liquid; empty where nothing melts
     procedure :: liquid_fraction
-    !> How many states are written after the first
-    procedure :: states_after_start
     !> ‖u - u_exact‖ / ‖u_exact‖ over the body
     procedure :: relative_l2_error
     !> Lowest and highest temperature
@@ -98,8 +94,6 @@ module calor_shared_simulation
     procedure, private :: start_temperature
     procedure, private :: find_limits
     procedure, private :: find_growth
-    procedure, private :: choose_steps
-    procedure, private :: choose_method
     procedure, private :: state
     procedure, private :: save => save_simulation
     procedure, private :: restore
@@ -140,7 +134,9 @@ contains
       call this%stopwatch%start('stability')
       call this%find_growth()
       call this%stopwatch%start('step control')
-      call this%choose_steps(error)
+      this%steps%growth_rate = this%rightmost%growth_rate
+      call this%steps%choose(scene, this%conduction, this%temperature, this%state(), &
+                             make_shared_integrator, this%stepper, error)
       if (allocated(error)) return
     end if
     call this%stopwatch%stop()
@@ -214,19 +210,13 @@ contains
     type(error_t), allocatable, intent(out) :: error
     real(wp) :: bound
 
-    associate (time => this%scene%time, stepper => this%stepper)
-      bound = this%ranks%most(this%conduction%spectral_bound())
-      if (bound > most_euler_steps/time%end) then
-        call raise(error, status_bad_input, time%place//': end = '//to_text(time%end)// &
-                   ' s cannot be stepped to: heat crosses a particle spacing in about '// &
-                   to_text(1/bound, digits=2)//' s. Lower end, or look at &material.')
-        return
-      end if
-      this%rightmost%growth_rate = this%ranks%most(this%conduction%laplacian%gershgorin_right_end())
-      call this%conduction%load_rows()
-      stepper%spectral_radius = estimate_spectral_radius(this%conduction, bound)
-      stepper%spectral_radius = max(stepper%spectral_radius, 1.0e-6_wp/time%end)
-    end associate
+    bound = this%conduction%spectral_bound()
+    this%steps%fastest_decay = this%conduction%fastest_decay()
+    this%steps%rows = real(this%all_rows, wp)
+    this%steps%entries = real(this%all_entries, wp)
+    this%rightmost%growth_rate = this%ranks%most(this%conduction%laplacian%gershgorin_right_end())
+    call this%conduction%load_rows()
+    call find_step_limits(this%scene, bound, this%conduction, this%stepper%spectral_radius, error)
   end subroutine find_limits
 
   !> Whether conduction has a mode that grows; no search is needed where no weight is negative.
@@ -249,105 +239,6 @@ contains
                                   'step is too long: take a smaller &time step or tolerance.'
     end if
   end subroutine find_growth
-
-  !> Choose the integrator and its steps as one process would.
-  subroutine choose_steps(this, error)
-    class(shared_simulation_t), intent(inout), target :: this
-    type(error_t), allocatable, intent(out) :: error
-    real(wp) :: scale, step, tolerance
-
-    associate (time => this%scene%time, stepper => this%stepper)
-      this%method = time%method
-      if (this%method == 'auto') this%method = 'rkl2'
-      call make_shared_integrator(this%method, this%conduction, stepper%integrator, error)
-      if (allocated(error)) return
-      scale = this%conduction%temperature_scale()
-      tolerance = default_tolerance*scale
-      if (time%tolerance > 0) tolerance = time%tolerance*scale
-      if (time%method == 'auto' .and. .not. time%step > 0) then
-        call this%choose_method(tolerance, error)
-        if (allocated(error)) return
-      end if
-      if (this%method == 'exponential' .and. (this%conduction%depends_on_time() .or. &
-                                              .not. this%conduction%is_linear())) then
-        call raise(error, status_bad_input, time%place//': method = ''exponential'' integrates '// &
-                   'linear problems that do not change with time, and in this scene a wall or '// &
-                   'effect depends on the time, or on the temperature not linearly: take '// &
-                   '''auto'' or ''rkl2''.')
-        return
-      end if
-      if (this%method == 'tr_bdf2' .and. allocated(this%conduction%content)) then
-        call raise(error, status_bad_input, time%place//': method = ''tr_bdf2'' does not take '// &
-                   'latent heat or materials that depend on the temperature: take ''auto'' or '// &
-                   '''rkl2''.')
-        return
-      end if
-      this%stability_limit = stepper%integrator%longest_stable_step(stepper%spectral_radius)
-      if (time%step > 0) then
-        step = time%step
-        call stepper%integrator%shorten_step(this%conduction, stepper%spectral_radius, step)
-        if (step < time%step) this%stability_limit = min(this%stability_limit, step)
-        if (time%step > this%stability_limit) then
-          call raise(error, status_bad_input, time%place//': step = '//to_text(time%step)// &
-                     ' s is beyond the stability limit of '//time%method//' on this cloud, '// &
-                     to_text(this%stability_limit, digits=4)//' s: take a smaller step, or '// &
-                     'leave step out and let the program choose.')
-          return
-        end if
-        stepper%longest_step = time%step
-      else if (stepper%integrator%estimates_error()) then
-        stepper%longest_step = this%stability_limit
-        stepper%tolerance = tolerance
-        call stepper%propose_first(this%conduction, 0.0_wp, this%state())
-      else
-        if (time%tolerance > 0) then
-          call raise(error, status_bad_input, time%place//': tolerance: '//trim(time%method)// &
-                     ' does not estimate its error. Leave tolerance out, or take method = '// &
-                     '''auto'', ''rkl2'' or ''exponential''.')
-          return
-        end if
-        stepper%longest_step = safe_part*this%stability_limit
-      end if
-      if (stepper%longest_step < time%end/huge(1)) then
-        call raise(error, status_bad_input, time%place//': steps of at most '// &
-                   to_text(stepper%longest_step, digits=3)//' s to end = '//to_text(time%end)// &
-                   ' s would be more than can be counted: lower end.')
-      end if
-    end associate
-  end subroutine choose_steps
-
-  !> Of the explicit methods the cheaper one.
-  subroutine choose_method(this, tolerance, error)
-    class(shared_simulation_t), intent(inout), target :: this
-    !> Error that a step may make, K
-    real(wp), intent(in) :: tolerance
-    type(error_t), allocatable, intent(out) :: error
-    type(problem_t) :: problem
-    type(stepper_t) :: stepper
-    real(wp), allocatable :: rate(:)
-
-    problem%linear = this%conduction%is_linear() .and. .not. this%conduction%depends_on_time()
-    if (.not. problem%linear) return
-    stepper = this%stepper
-    stepper%tolerance = tolerance
-    stepper%longest_step = stepper%integrator%longest_stable_step(stepper%spectral_radius)
-    problem%rows = real(this%all_rows, wp)
-    problem%entries = real(this%all_entries, wp)
-    problem%spectral_radius = stepper%spectral_radius
-    problem%duration = this%scene%time%end
-    problem%parts = this%states_after_start()
-    problem%tolerance = tolerance
-    problem%implicit = .false.
-    problem%slowest = max(0.0_wp, -this%rightmost%growth_rate)
-    allocate (rate(size(this%temperature)))
-    call this%conduction%rate(0.0_wp, this%temperature, rate)
-    problem%scale = max(tiny(1.0_wp)**0.25_wp, problem%duration* &
-                        this%conduction%root_mean_square(rate))
-    allocate (this%choice)
-    call foresee_costs(problem, this%conduction, stepper, this%state(), this%choice)
-    this%method = this%choice%method
-    call make_shared_integrator(this%method, this%conduction, this%stepper%integrator, error)
-  end subroutine choose_method
 
   subroutine certify(this, error)
     class(shared_simulation_t), intent(in) :: this
@@ -428,24 +319,13 @@ contains
     end if
   end function liquid_fraction
 
-  pure function states_after_start(this) result(states)
-    class(shared_simulation_t), intent(in) :: this
-    integer :: states
-
-    states = 1
-    if (this%scene%time%steady) states = 0
-    if (this%scene%output%every > 0) then
-      states = max(1, ceiling(this%scene%time%end/this%scene%output%every*(1 - 1.0e-12_wp)))
-    end if
-  end function states_after_start
-
   !> s
   pure function next_output(this) result(time)
     class(shared_simulation_t), intent(in) :: this
     real(wp) :: time
 
     time = this%scene%time%end
-    if (this%written + 1 < this%states_after_start()) then
+    if (this%written + 1 < states_after_start(this%scene)) then
       time = (this%written + 1)*this%scene%output%every
     end if
   end function next_output
@@ -506,7 +386,7 @@ contains
     call state%put('end', this%scene%time%end)
     call state%put('temperature', this%temperature)
     if (allocated(this%content)) call state%put('content', this%content)
-    call state%put('method', this%method)
+    call state%put('method', this%steps%method)
     call this%stepper%save(state)
     call this%conduction%save(state)
     call state%put('output_file', this%scene%output%file)
@@ -525,12 +405,12 @@ contains
     call state%get('end', end_time)
     call state%get('temperature', this%temperature)
     if (allocated(this%content)) call state%get('content', this%content)
-    call state%get('method', this%method)
+    call state%get('method', this%steps%method)
     call state%get('output_file', this%earlier_file)
     call state%get('scene', this%earlier_scene)
     call this%budget%restore_entries(this%entries, state)
     call release(this%stepper)
-    call make_shared_integrator(this%method, this%conduction, this%stepper%integrator, error)
+    call make_shared_integrator(this%steps%method, this%conduction, this%stepper%integrator, error)
     if (allocated(error)) return
     radius = this%stepper%spectral_radius
     longest = this%stepper%longest_step

@@ -2,6 +2,8 @@
 module calor_shared_support
   use calor_error, only: error_t, raise, status_bad_input
   use calor_scene, only: scene_t
+  use calor_scene_file, only: group_t
+  use calor_scene_getters, only: raise_at
   implicit none (type, external)
   private
 
@@ -12,45 +14,40 @@ contains
   subroutine refuse_unsupported(scene, error)
     !> The scene
     type(scene_t), intent(in) :: scene
-    !> The first thing in it that calor-mpi does not do
+    !> The first thing in it that calor-mpi does not do, and what to do instead
     type(error_t), allocatable, intent(out) :: error
-    integer :: k
 
     if (.not. (scene%time%end > 0 .or. scene%time%steady)) then
       call raise(error, status_bad_input, &
                  scene%path//' has no group &time: add &time end = ... '// &
                  '/, in seconds.')
     else if (scene%motion%in_force) then
-      call refuse(scene%motion%place, 'particles that move')
-    else if (scene%accuracy%estimate) then
-      call refuse(scene%accuracy%place, 'estimates of the error')
+      call refuse('motion', '', 'particles that move: run the scene by calor, or take &motion out.')
     else if (scene%accuracy%target > 0) then
-      call refuse(scene%accuracy%place, 'a target of accuracy')
+      call refuse('accuracy', 'target', 'a target of accuracy: run the scene by calor, or take '// &
+                  '&accuracy out.')
+    else if (scene%accuracy%estimate) then
+      call refuse('accuracy', 'estimate', 'estimates of the error: run the scene by calor, or '// &
+                  'take &accuracy out.')
     else if (scene%domain%arrangement == 'relaxed') then
-      call refuse(scene%domain%place, 'arrangement = ''relaxed''')
+      call refuse('domain', 'arrangement', '''relaxed'': take ''jittered'', or run the scene by '// &
+                  'calor and give its output file to &domain shape = ''cloud''.')
     else if (scene%laplacian == 'double_gradient') then
-      call refuse(scene%path//': &scheme', 'laplacian = ''double_gradient''')
+      call refuse('scheme', 'laplacian', '''double_gradient'': take ''fatehi_manzari''.')
     else if (scene%single_weights) then
-      call refuse(scene%path//': &scheme', 'weights in single precision')
+      call refuse('scheme', 'single_weights', 'weights in single precision: take single_weights '// &
+                  'out.')
     end if
-    if (allocated(error) .or. scene%output%file == '') return
-    do k = 1, size(scene%output%fields)
-      select case (scene%output%fields(k)%value)
-      case ('temperature', 'exact', 'error', 'liquid_fraction')
-        continue
-      case default
-        call refuse(scene%output%place, 'the field '''//scene%output%fields(k)%value//'''')
-        return
-      end select
-    end do
 
   contains
 
-    subroutine refuse(place, what)
-      character(len=*), intent(in) :: place, what
+    subroutine refuse(name, key, sentence)
+      !> Where the scene asks for it, what that is, and what to do instead
+      character(len=*), intent(in) :: name, key, sentence
+      type(group_t) :: group
 
-      call raise(error, status_bad_input, place//': calor-mpi does not support '//what// &
-                 '; run the scene by calor, or take that out.')
+      call scene%file%group(name, group)
+      call raise_at(error, group, key, 'calor-mpi does not support '//sentence)
     end subroutine refuse
 
   end subroutine refuse_unsupported

@@ -6,6 +6,7 @@
 !> laid aside is the state alone. Equations are solved by SNES and KSP.
 module calor_shared_tr_bdf2
   use, intrinsic :: iso_c_binding, only: c_char, c_double, c_int, c_null_char, c_null_ptr, c_ptr
+  use calor_conduction, only: conduction_t
   use calor_error, only: error_t
   use calor_evolution, only: evolution_t
   use calor_integrator, only: integrator_t
@@ -86,7 +87,7 @@ contains
     !> As in `make_integrator`
     character(len=*), intent(in) :: name
     !> The heat equation, its rows in the matrix; it must stay where it is
-    type(shared_conduction_t), intent(in), target :: conduction
+    class(conduction_t), intent(in), target :: conduction
     class(integrator_t), allocatable, intent(out) :: integrator
     !> There is none of that name
     type(error_t), allocatable, intent(out) :: error
@@ -97,7 +98,10 @@ contains
       return
     end if
     allocate (implicit)
-    implicit%context%conduction => conduction
+    select type (conduction)
+    type is (shared_conduction_t)
+      implicit%context%conduction => conduction
+    end select
     call move_alloc(implicit, integrator)
   end subroutine make_shared_integrator
 

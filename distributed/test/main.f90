@@ -3,6 +3,7 @@
 program main
   use, intrinsic :: iso_fortran_env, only: error_unit
   use test_agreement, only: collect_agreement
+  use test_contract, only: collect_contract
   use test_refusals, only: collect_refusals
   use test_resuming, only: collect_resuming
   use test_sharing, only: collect_sharing
@@ -14,6 +15,7 @@ program main
   integer :: failures, k
 
   suites = [new_testsuite('agreement', collect_agreement), &
+            new_testsuite('contract', collect_contract), &
             new_testsuite('refusals', collect_refusals), &
             new_testsuite('resuming', collect_resuming), &
             new_testsuite('sharing', collect_sharing)]

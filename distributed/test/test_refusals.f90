@@ -15,8 +15,7 @@ contains
   subroutine collect_refusals(tests)
     type(unittest_type), allocatable, intent(out) :: tests(:)
 
-    tests = [new_unittest('unsupported parts of a scene', test_unsupported), &
-             new_unittest('an expression without a value on one rank', test_no_number), &
+    tests = [new_unittest('an expression without a value on one rank', test_no_number), &
              new_unittest('a scene that is wrong', test_wrong), &
              new_unittest('a wrong line far down in a cloud''s file', test_wrong_line), &
              new_unittest('a check runs nothing', test_check)]
@@ -39,25 +38,6 @@ contains
                        ' times')
     end if
   end subroutine refuse
-
-  subroutine test_unsupported(error)
-    type(error_type), allocatable, intent(out) :: error
-
-    call refuse('moving', '&motion velocity_x_expression=''-y'' / &time end=1 /', &
-                'does not support particles that move', error)
-    if (allocated(error)) return
-    call refuse('estimate', '&accuracy estimate=.true. / &time end=1 /', &
-                'does not support estimates of the error', error)
-    if (allocated(error)) return
-    call refuse('checkpoint', '&checkpoint file=''c.h5'' / &time end=1 method=''tr_bdf2'' /', &
-                'does not support checkpoints of implicit steps', error)
-    if (allocated(error)) return
-    call refuse('double', '&scheme laplacian=''double_gradient'' / &time end=1 /', &
-                'does not support laplacian = ''double_gradient''', error)
-    if (allocated(error)) return
-    call refuse('rowfield', '&output file=''r.vtkhdf'' fields=''row_quality'' / &time end=1 /', &
-                'does not support the field ''row_quality''', error)
-  end subroutine test_unsupported
 
   subroutine test_no_number(error)
     type(error_type), allocatable, intent(out) :: error

@@ -8,9 +8,57 @@ module test_runs
   implicit none (type, external)
   private
 
-  public :: write_scene, run_serial, run_ranks, compare_files, compare_budgets, said, environment
+  public :: agree, allowed, write_scene, run_serial, run_ranks, compare_files, said, environment
+
+  !> How far fields of two programs may differ
+  real(wp), parameter :: allowed = 1.0e-10_wp
 
 contains
+
+  !> Run a scene, whose file is named as it, by one process and by ranks.
+  subroutine agree(name, lines, ranks, error, field, volume_error, within)
+    character(len=*), intent(in) :: name
+    character(len=*), intent(in) :: lines(:)
+    integer, intent(in) :: ranks(:)
+    type(error_type), allocatable, intent(out) :: error
+    character(len=*), intent(in), optional :: field
+    !> How far volumes may differ; 0 without it
+    real(wp), intent(in), optional :: volume_error
+    !> How far fields may differ; `allowed` without it
+    real(wp), intent(in), optional :: within
+    character(len=:), allocatable :: what
+    real(wp) :: near
+    real(wp) :: rounding
+    integer :: k, status
+
+    near = allowed
+    if (present(within)) near = within
+    rounding = 0
+    if (present(volume_error)) rounding = volume_error
+    what = 'temperature'
+    if (present(field)) what = field
+    call write_scene(name, lines)
+    call run_serial(name, status)
+    if (status /= 0) then
+      call test_failed(error, name//': calor ended with status '//to_text(status))
+      return
+    end if
+    call execute_command_line('mv '//name//'.vtkhdf '//name//'_serial.vtkhdf')
+    do k = 1, size(ranks)
+      call run_ranks(name, ranks(k), status)
+      if (status /= 0) then
+        call test_failed(error, name//': '//to_text(ranks(k))//' ranks ended with status '// &
+                         to_text(status))
+        return
+      end if
+      call compare_files(name//'_serial.vtkhdf', name//'.vtkhdf', what, near, error)
+      if (allocated(error)) return
+      call compare_files(name//'_serial.vtkhdf', name//'.vtkhdf', 'volume', rounding, error)
+      if (allocated(error)) return
+      call compare_budgets(name//'_serial.vtkhdf', name//'.vtkhdf', allowed, error)
+      if (allocated(error)) return
+    end do
+  end subroutine agree
 
   !> Write a scene, its parts one a line.
   subroutine write_scene(name, lines)

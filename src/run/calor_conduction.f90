@@ -140,6 +140,8 @@ module calor_conduction
     !> Where several processes share the particles: the first and last of this one's own, and sums
     !> over all of them
     procedure :: own_particles
+    !> The largest of the values of all processes
+    procedure :: largest
     procedure :: add_up
     !> The range of temperatures given or kept, and the one that a state may leave by little only
     procedure :: find_scales
@@ -351,6 +353,17 @@ contains
     first = 1
     last = this%unknowns()
   end subroutine own_particles
+
+  function largest(this, value) result(of_all)
+    class(conduction_t), intent(in) :: this
+    !> Of this process
+    real(wp), intent(in) :: value
+    real(wp) :: of_all
+
+    associate (unused => this)
+    end associate
+    of_all = value
+  end function largest
 
   !> One process has all.
   subroutine add_up(this, sums)
@@ -851,22 +864,24 @@ contains
                new_line('a')//suspicion)
   end subroutine report_excursion
 
-  pure function spectral_bound(this) result(bound)
+  function spectral_bound(this) result(bound)
     class(conduction_t), intent(in) :: this
     real(wp) :: bound
 
-    bound = this%diffusivity*this%laplacian%gershgorin_bound()
+    bound = this%diffusivity*this%largest(this%laplacian%gershgorin_bound())
     if (allocated(this%content)) then
-      if (allocated(this%local)) bound = bound*maxval(this%local%factor)
-      if (allocated(this%jumps)) bound = bound + this%jumps%largest_sum()
-      bound = bound*maxval(this%potential_slope)
-      if (allocated(this%slope)) bound = bound + maxval(abs(this%slope*this%temperature_slope))
+      if (allocated(this%local)) bound = bound*this%largest(maxval(this%local%factor))
+      if (allocated(this%jumps)) bound = bound + this%largest(this%jumps%largest_sum())
+      bound = bound*this%largest(maxval(this%potential_slope))
+      if (allocated(this%slope)) then
+        bound = bound + this%largest(maxval(abs(this%slope*this%temperature_slope)))
+      end if
     else
-      if (allocated(this%slope)) bound = bound + maxval(abs(this%slope))
+      if (allocated(this%slope)) bound = bound + this%largest(maxval(abs(this%slope)))
     end if
   end function spectral_bound
 
-  pure function fastest_decay(this) result(rate)
+  function fastest_decay(this) result(rate)
     class(conduction_t), intent(in) :: this
     real(wp) :: rate
     integer :: k
@@ -874,16 +889,16 @@ contains
     rate = 0
     ! What jumps add to weights may have any sign.
     if (allocated(this%jumps)) return
-    if (any(this%laplacian%weight < 0)) return
+    if (this%largest(merge(1.0_wp, 0.0_wp, any(this%laplacian%weight < 0))) > 0) return
     if (allocated(this%effects)) then
       do k = 1, size(this%effects)
         if (.not. this%effects(k)%effect%brings_nothing()) return
       end do
     end if
     ! The potential grows with the state, so that a mean of potentials keeps the order of states.
-    rate = this%diffusivity*maxval(-this%laplacian%diagonal)
-    if (allocated(this%content)) rate = rate*maxval(this%potential_slope)
-    if (allocated(this%local)) rate = rate*maxval(this%local%factor)
+    rate = this%diffusivity*this%largest(maxval(-this%laplacian%diagonal))
+    if (allocated(this%content)) rate = rate*this%largest(maxval(this%potential_slope))
+    if (allocated(this%local)) rate = rate*this%largest(maxval(this%local%factor))
   end function fastest_decay
 
   !> The range that a state may leave by a little only. Effects that heat or cool without end leave

@@ -22,8 +22,9 @@ module calor_simulation
   use calor_laplacian_schemes, only: usual_support
   use calor_local_polynomial, only: interpolate_field
   use calor_materials, only: materials_t, read_materials
-  use calor_method_choice, only: method_choice_t, problem_t, foresee_costs
+  use calor_method_choice, only: method_choice_t
   use calor_rightmost_eigenvalue, only: rightmost_t, find_rightmost
+  use calor_row_fields, only: find_row_field, is_row_field
   use calor_row_report, only: row_report_t
   use calor_rows_in_motion, only: rows_in_motion_t
   use calor_saved_state, only: saved_state_t
@@ -38,30 +39,24 @@ module calor_simulation
   use calor_scene_motion, only: motion_t
   use calor_scene_values, only: field_values
   use calor_simulation_file, only: simulation_file_t, check_target
-  use calor_spectral_radius, only: estimate_spectral_radius
   use calor_stable_rows, only: row_repairs_t, inexact_stencil
   use calor_steady_state, only: find_steady_state
   use calor_step_listener, only: step_listener_t
+  use calor_step_choice, only: default_tolerance, find_step_limits, make_usual_integrator, &
+                               safe_part, states_after_start, step_choice_t
   use calor_stepper, only: stepper_t
   use calor_stopwatch, only: stopwatch_t
   use calor_stored_fields, only: stored_fields_t
-  use calor_sums, only: root_mean_square
   use calor_text, only: text_t, append, to_text
   implicit none (type, external)
   private
 
   public :: simulation_t, observer_t
 
-  !> Explicit methods without error control step at this part of their stability limit
-  real(wp), parameter :: safe_part = 0.9_wp
-  !> What would take more steps of forward Euler is out of reach of every method
-  real(wp), parameter :: most_euler_steps = 1.0e15_wp
   !> The error is estimated with a consistent scheme of this order at least
   integer, parameter :: lowest_reference_order = 3
   !> An eigenvalue as small as this, as a part of the spectral radius, is 0
   real(wp), parameter :: rounding = 1.0e-11_wp
-  !> Error of one step, as a part of the range of given temperatures, where the scene gives none
-  real(wp), parameter :: default_tolerance = 1.0e-6_wp
 
   character(len=*), parameter :: coarser_run = 'In the run with particles twice as far apart, '// &
                                                'from which the error is estimated: '
@@ -178,10 +173,7 @@ module calor_simulation
     !> What is in force, and why
     procedure :: effects_in_force
     procedure, private :: count_neighbours
-    procedure, private :: find_limits
     procedure, private :: choose_steps
-    procedure, private :: choose_method
-    procedure, private :: states_after_start
     procedure, private :: next_output
     procedure, private :: open_file
     procedure, private :: write_present_state
@@ -285,7 +277,8 @@ contains
     allocate (this%entries(0))
     if (.not. scene%time%steady) then
       call this%stopwatch%start('step control')
-      call this%find_limits(error)
+      call find_step_limits(scene, this%conduction%spectral_bound(), this%conduction, &
+                            this%stepper%spectral_radius, error)
       if (allocated(error)) return
       certified = .true.
       if (present(uncertified)) certified = .not. uncertified
@@ -488,7 +481,7 @@ contains
     real(wp) :: time
 
     time = this%scene%time%end
-    if (this%written + 1 < this%states_after_start()) then
+    if (this%written + 1 < states_after_start(this%scene)) then
       time = (this%written + 1)*this%scene%output%every
     end if
   end function next_output
@@ -788,18 +781,6 @@ contains
     call state%leave()
   end subroutine restore_records
 
-  !> How many states are written after the first
-  pure function states_after_start(this) result(states)
-    class(simulation_t), intent(in) :: this
-    integer :: states
-
-    states = 1
-    if (this%scene%time%steady) states = 0
-    if (this%scene%output%every > 0) then
-      states = max(1, ceiling(this%scene%time%end/this%scene%output%every*(1 - 1.0e-12_wp)))
-    end if
-  end function states_after_start
-
   !> Free what set-up has left of cloud and rows and steps do not need. Implicit steps and the
   !> estimate of the error take the rows as they were assembled, moving particles new ones, and an
   !> estimate from a coarser run the places of the cloud.
@@ -822,58 +803,24 @@ contains
   subroutine write_row_fields(this, file)
     class(simulation_t), intent(in) :: this
     type(simulation_file_t), intent(inout) :: file
-    integer :: k, n
+    real(wp), allocatable :: values(:)
+    integer :: k
 
     if (.not. file%in_use) return
-    n = this%cloud%particles()
-    associate (target => this%conduction%laplacian%target, quality => this%repairs%quality)
-      do k = 1, size(this%scene%output%fields)
-        ! Held particles have no row: 0, but for the support radius
-        associate (name => this%scene%output%fields(k)%value)
-          select case (name)
-          case ('row_quality')
-            call put(name, unpacked(min(quality%ratio, 1.0e6_wp), target, n))
-          case ('row_repair')
-            call put(name, unpacked(real(this%repairs%repair, wp), target, n))
-          case ('neighbours')
-            call put(name, unpacked(real(quality%neighbours, wp), target, n))
-          case ('support_radius')
-            call put(name, this%radius)
-          case ('condition_gradient')
-            call put(name, unpacked(this%report%condition_gradient, target, n))
-          case ('condition_laplacian')
-            call put(name, unpacked(this%report%condition_laplacian, target, n))
-          case default
-            ! A field that changes with time: `write_state` writes it
-            continue
-          end select
-        end associate
-      end do
-    end associate
-
-  contains
-
-    subroutine put(name, values)
-      character(len=*), intent(in) :: name
-      real(wp), intent(in) :: values(:)
-
-      if (allocated(this%motion)) then
-        call file%add_field(name, values)
-      else
-        call file%write_static(name, values)
-      end if
-    end subroutine put
-
+    allocate (values(this%cloud%particles()))
+    do k = 1, size(this%scene%output%fields)
+      associate (name => this%scene%output%fields(k)%value)
+        if (.not. is_row_field(name)) cycle
+        call find_row_field(name, this%conduction%laplacian%target, this%report, this%repairs, &
+                            this%radius, values)
+        if (allocated(this%motion)) then
+          call file%add_field(name, values)
+        else
+          call file%write_static(name, values)
+        end if
+      end associate
+    end do
   end subroutine write_row_fields
-
-  pure function unpacked(values, place, n) result(field)
-    real(wp), intent(in) :: values(:)
-    integer, intent(in) :: place(:), n
-    real(wp) :: field(n)
-
-    field = 0
-    field(place) = values
-  end function unpacked
 
   subroutine settle(this, error)
     class(simulation_t), intent(inout) :: this
@@ -1668,149 +1615,22 @@ contains
     if (this%rightmost%place > 0) text = ', most near '//this%name_particle(this%rightmost%place)
   end function where_unstable
 
-  !> Find the operator's own spectral radius, which limits steps.
-  subroutine find_limits(this, error)
-    class(simulation_t), intent(inout) :: this
-    type(error_t), allocatable, intent(out) :: error
-    real(wp) :: bound
-
-    associate (time => this%scene%time, stepper => this%stepper)
-      bound = this%conduction%spectral_bound()
-      if (bound > most_euler_steps/time%end) then
-        call raise(error, status_bad_input, time%place//': end = '//to_text(time%end)// &
-                   ' s cannot be stepped to: heat crosses a particle spacing in about '// &
-                   to_text(1/bound, digits=2)//' s. Lower end, or look at &material.')
-        return
-      end if
-      stepper%spectral_radius = estimate_spectral_radius(this%conduction, bound)
-      stepper%spectral_radius = max(stepper%spectral_radius, 1.0e-6_wp/time%end)
-    end associate
-  end subroutine find_limits
-
-  !> Take the cheapest method.
-  subroutine choose_method(this, tolerance, error)
-    class(simulation_t), intent(inout) :: this
-    !> Error that a step may make, K
-    real(wp), intent(in) :: tolerance
-    type(error_t), allocatable, intent(out) :: error
-    type(problem_t) :: problem
-    type(stepper_t) :: stepper
-    real(wp), allocatable :: rate(:)
-
-    stepper = this%stepper
-    stepper%tolerance = tolerance
-    stepper%longest_step = stepper%integrator%longest_stable_step(stepper%spectral_radius)
-    problem%rows = this%conduction%laplacian%rows()
-    problem%entries = size(this%conduction%laplacian%weight)
-    problem%spectral_radius = stepper%spectral_radius
-    problem%duration = this%scene%time%end
-    problem%parts = this%states_after_start()
-    problem%tolerance = tolerance
-    ! The estimate of the error follows a solution by steps that are not too long.
-    problem%linear = this%conduction%is_linear() .and. .not. this%conduction%depends_on_time() &
-                     .and. .not. this%scene%accuracy%estimate
-    problem%implicit = .not. allocated(this%conduction%content)
-    problem%changing = this%conduction%depends_on_time()
-    if (problem%linear) then
-      ! Only a decay that was found is known.
-      problem%slowest = max(0.0_wp, -this%rightmost%growth_rate)
-      allocate (rate(size(this%temperature)))
-      call this%conduction%rate(0.0_wp, this%temperature, rate)
-      problem%scale = max(tiny(1.0_wp)**0.25_wp, problem%duration*root_mean_square(rate))
-    else
-      call stepper%propose_first(this%conduction, 0.0_wp, this%state())
-    end if
-    allocate (this%choice)
-    if (problem%linear .or. problem%implicit) then
-      call foresee_costs(problem, this%conduction, stepper, this%state(), this%choice)
-    else
-      this%choice%method = 'rkl2'
-      allocate (this%choice%costs(0))
-    end if
-    this%method = this%choice%method
-    call make_integrator(this%method, this%stepper%integrator, error)
-  end subroutine choose_method
-
   !> Choose the integrator and its steps.
   subroutine choose_steps(this, error)
-    class(simulation_t), intent(inout) :: this
+    class(simulation_t), intent(inout), target :: this
     type(error_t), allocatable, intent(out) :: error
-    real(wp) :: scale, step, tolerance
+    type(step_choice_t) :: steps
 
-    associate (time => this%scene%time, stepper => this%stepper)
-      this%method = time%method
-      if (this%method == 'auto') this%method = 'rkl2'
-      call make_integrator(this%method, stepper%integrator, error)
-      if (allocated(error)) return
-      scale = this%conduction%temperature_scale()
-      tolerance = default_tolerance*scale
-      if (time%tolerance > 0) tolerance = time%tolerance*scale
-      ! Rows that change with the motion would have to be factorised anew each time.
-      if (time%method == 'auto' .and. .not. time%step > 0 .and. .not. time%only_rkl2 .and. &
-          .not. this%scene%motion%in_force) then
-        call this%choose_method(tolerance, error)
-        if (allocated(error)) return
-      end if
-      if (this%method == 'exponential' .and. (this%conduction%depends_on_time() .or. &
-                                              .not. this%conduction%is_linear())) then
-        call raise(error, status_bad_input, time%place//': method = ''exponential'' integrates '// &
-                   'linear problems that do not change with time, and in this scene a wall or '// &
-                   'effect depends on the time, or on the temperature not linearly: take '// &
-                   '''auto'', ''rkl2'' or ''tr_bdf2''.')
-        return
-      end if
-      if (this%scene%motion%in_force .and. &
-          (this%method == 'tr_bdf2' .or. this%method == 'exponential')) then
-        call raise(error, status_bad_input, time%place//': method = '''//this%method//''' does '// &
-                   'not take particles that move, whose rows change at every step: take '// &
-                   '''auto'' or ''rkl2''.')
-        return
-      end if
-      if (this%method == 'tr_bdf2' .and. allocated(this%conduction%content)) then
-        call raise(error, status_bad_input, time%place//': method = ''tr_bdf2'' does not take '// &
-                   'latent heat or materials that depend on the temperature: take ''auto'' or '// &
-                   '''rkl2''.')
-        return
-      end if
-      this%stability_limit = stepper%integrator%longest_stable_step(stepper%spectral_radius)
-      if (this%conduction%fastest_decay() > 0) then
-        this%monotone_limit = &
-          stepper%integrator%longest_monotone_step(this%conduction%fastest_decay())
-      end if
-      if (time%step > 0) then
-        step = time%step
-        call stepper%integrator%shorten_step(this%conduction, stepper%spectral_radius, step)
-        if (step < time%step) this%stability_limit = min(this%stability_limit, step)
-        if (time%step > this%stability_limit) then
-          call raise(error, status_bad_input, time%place//': step = '//to_text(time%step)// &
-                     ' s is beyond the stability limit of '//time%method//' on this cloud, '// &
-                     to_text(this%stability_limit, digits=4)//' s: take a smaller step, or '// &
-                     'leave step out and let the program choose.')
-          return
-        end if
-        stepper%longest_step = time%step
-      else if (stepper%integrator%estimates_error()) then
-        stepper%longest_step = this%stability_limit
-        stepper%tolerance = tolerance
-        call stepper%propose_first(this%conduction, 0.0_wp, this%state())
-      else
-        if (time%tolerance > 0) then
-          call raise(error, status_bad_input, time%place//': tolerance: '//trim(time%method)// &
-                     ' does not estimate its error. Leave tolerance out, or take method = '// &
-                     '''auto'', ''rkl2'', ''tr_bdf2'' or ''exponential''.')
-          return
-        end if
-        stepper%longest_step = safe_part*this%stability_limit
-        if (this%monotone_limit > 0) then
-          stepper%longest_step = min(stepper%longest_step, this%monotone_limit)
-        end if
-      end if
-      if (stepper%longest_step < time%end/huge(1)) then
-        call raise(error, status_bad_input, time%place//': steps of at most '// &
-                   to_text(stepper%longest_step, digits=3)//' s to end = '//to_text(time%end)// &
-                   ' s would be more than can be counted: lower end.')
-      end if
-    end associate
+    steps%rows = this%conduction%laplacian%rows()
+    steps%entries = size(this%conduction%laplacian%weight)
+    steps%fastest_decay = this%conduction%fastest_decay()
+    steps%growth_rate = this%rightmost%growth_rate
+    call steps%choose(this%scene, this%conduction, this%temperature, this%state(), &
+                      make_usual_integrator, this%stepper, error)
+    this%method = steps%method
+    if (allocated(steps%choice)) call move_alloc(steps%choice, this%choice)
+    this%stability_limit = steps%stability_limit
+    this%monotone_limit = steps%monotone_limit
   end subroutine choose_steps
 
 end module calor_simulation

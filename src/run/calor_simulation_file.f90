@@ -7,6 +7,7 @@ module calor_simulation_file
   use calor_file_system, only: resolved_path
   use calor_heat_budget, only: heat_budget_t, budget_entry_t
   use calor_kinds, only: wp
+  use calor_row_fields, only: is_row_field
   use calor_scene, only: scene_t
   use calor_scene_cloud, only: beside_scene
   use calor_stopwatch, only: phase_t
@@ -338,7 +339,7 @@ contains
 
       do j = 1, size(this%fields)
         if (.not. earlier%has(this%fields(j)%value)) cycle
-        if (changes_with_time(this%fields(j)%value) .neqv. changing) cycle
+        if (is_row_field(this%fields(j)%value) .eqv. changing) cycle
         call earlier%read_field(this%fields(j)%value, k, values, error)
         if (allocated(error)) return
         call this%state%add(this%fields(j)%value, values)
@@ -354,20 +355,6 @@ contains
 
     answer = field == 'exact' .or. field == 'error'
   end function needs_places
-
-  !> Whether a field is written with each state even where nothing moves
-  pure function changes_with_time(field) result(answer)
-    character(len=*), intent(in) :: field
-    logical :: answer
-
-    select case (field)
-    case ('temperature', 'exact', 'error', 'liquid_fraction', 'error_estimate', &
-          'temperature_corrected')
-      answer = .true.
-    case default
-      answer = .false.
-    end select
-  end function changes_with_time
 
   subroutine begin_closing(this)
     class(simulation_file_t), intent(inout) :: this
