@@ -12,13 +12,16 @@ PREFIX ?= /usr/local
 
 .PHONY: help build run install test test-checked examples lint format pictures hard-cases cost documents \
   docs outside steppers verification absent-effects bench fuzz kill-runs set-up clean distclean \
-  distributed test-distributed scaling
+  distributed test-distributed test-distributed-checked scaling
 SHELL := /bin/bash
 
 RELEASE_FLAGS := -O3 -march=native
 CHECKED_FLAGS := -Og -g -fcheck=all,no-array-temps -finit-real=snan -ffpe-trap=invalid,zero,overflow \
   -fsanitize=address,undefined -fno-sanitize-recover=undefined \
   -Wall -Wextra -Wimplicit-interface -Wno-maybe-uninitialized -Wno-compare-reals
+
+# PETSc and hypre do not take traps of exceptions, nor sanitizers MPI.
+CHECKED_RANKS_FLAGS := -Og -g -fcheck=all,no-array-temps -finit-real=snan
 
 # What one build consists of; `test-checked` sets these three anew.
 FLAGS    ?= $(RELEASE_FLAGS)
@@ -101,6 +104,9 @@ test-distributed: build distributed ## the tests of calor-mpi, on up to 8 ranks;
 	  OMP_NUM_THREADS=1 $(FPM_DISTRIBUTED) test $(DISTRIBUTED_OPTIONS) \
 	  --runner "$(CURDIR)/tools/run_in.sh $(CURDIR)/build/test-distributed" -- \
 	  $(if $(SUITE),"$(SUITE)") $(if $(TEST),"$(TEST)")
+
+test-distributed-checked: ## the tests of calor-mpi in a build with run-time checks (slow)
+	@$(MAKE) --no-print-directory test-distributed FLAGS='$(CHECKED_RANKS_FLAGS)' BIN=build/checked/bin
 
 scaling: distributed ## count anew what ranks exchange, for docs/scaling.md (minutes)
 	@tools/scaling.sh $(BIN)

@@ -50,7 +50,7 @@ contains
     end associate
     ! Where all fail, one says it and ends all: the others give it time.
     call mpi_comm_rank(mpi_comm_world, rank)
-    if (rank > 0) seconds = c_sleep(1_c_int)
+    if (rank > 0) seconds = c_sleep(5_c_int)
     write (error_unit, '(a)') 'calor-mpi: PETSc could not go on in '//text_of(procedure_name)// &
       ': '//text_of(message)
     end_run = code

@@ -54,6 +54,8 @@ contains
         if (allocated(file_error)) exit
         if (clock%status == 0) cycle
       else
+        ! A run that makes no step leaves the file of before.
+        if (allocated(error) .and. simulation%stepper%steps == 0) exit
         simulation%written = simulation%written + 1
       end if
       ! After a failure the state is the last good one: it is written too.
@@ -125,7 +127,10 @@ contains
 
     !> Complete the file, and say what became of the run.
     subroutine finish()
-      if (allocated(file_error)) then
+      logical :: fruitless
+
+      fruitless = allocated(error) .and. simulation%stepper%steps == 0
+      if (allocated(file_error) .or. fruitless) then
         call file%abandon()
       else
         if (simulation%scene%exact_expression /= '') then
@@ -141,7 +146,8 @@ contains
                    to_text(simulation%time, digits=6)//' s. The state is in '// &
                    simulation%scene%checkpoint%file//'; go on, by any number of ranks, by'// &
                    new_line('a')//'calor-mpi run --resume '//simulation%scene%path)
-      else if (allocated(error) .and. file%in_use .and. .not. allocated(file_error)) then
+      else if (allocated(error) .and. file%in_use .and. .not. (allocated(file_error) .or. &
+                                                               fruitless)) then
         error%message = error%message//new_line('a')//'The last good state, at t = '// &
                         to_text(simulation%time, digits=6)//' s, is in '// &
                         simulation%scene%output%file//'.'

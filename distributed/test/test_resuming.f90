@@ -2,7 +2,7 @@
 module test_resuming
   use calor_kinds, only: wp
   use calor_text, only: to_text
-  use test_runs, only: compare_files, environment, run_ranks, run_serial, said, write_scene
+  use test_runs, only: compare_files, environment, run_and_signal, run_ranks, run_serial, said, write_scene
   use testdrive, only: check, error_type, new_unittest, test_failed, unittest_type
   implicit none (type, external)
   private
@@ -18,6 +18,7 @@ contains
 
     tests = [new_unittest('a rank is killed', test_killed), &
              new_unittest('the run is told to end', test_told), &
+             new_unittest('mpirun is told to end', test_mpirun), &
              new_unittest('implicit steps, killed and told to end', test_implicit), &
              new_unittest('melting, to a later end', test_later_end), &
              new_unittest('an older checkpoint', test_older), &
@@ -43,24 +44,6 @@ contains
                             '&time end=1 '//method//' /', &
                             '&output file='''//name//'.vtkhdf'' every=0.25 /', checkpoint])
   end subroutine write_plate
-
-  !> Run by some ranks, and send a signal to the second of them when a file is there.
-  subroutine run_and_signal(name, ranks, signal, file, status)
-    character(len=*), intent(in) :: name, signal, file
-    integer, intent(in) :: ranks
-    integer, intent(out) :: status
-    character(len=*), parameter :: quote = ''''
-
-    call execute_command_line('rm -f '//file//'; '// &
-                              environment('CALOR_MPIRUN')//' -n '//to_text(ranks)//' sh -c '// &
-                              quote//'echo $$ >'//name//'.pid$OMPI_COMM_WORLD_RANK; exec '// &
-                              environment('CALOR_MPI_PROGRAM')//' run '//name//'.nml'//quote// &
-                              ' >'//name//'.out 2>&1 & job=$!; '// &
-                              'for i in $(seq 3000); do [ -e '//file//' ] && break; '// &
-                              'sleep 0.02; done; '// &
-                              'kill -'//signal//' $(cat '//name//'.pid1); wait $job', &
-                              exitstat=status)
-  end subroutine run_and_signal
 
   !> The field that a run by two ranks without a break leaves in whole.vtkhdf
   subroutine run_whole(error, steps)
@@ -126,6 +109,24 @@ contains
     if (allocated(error)) return
     call resume('told', 3, error)
   end subroutine test_told
+
+  !> Open MPI waits as long as it is told to, hands the signal on, and waits as long again before it
+  !> kills; its own status is its affair. The run would take minutes.
+  subroutine test_mpirun(error)
+    type(error_type), allocatable, intent(out) :: error
+    integer :: status
+    logical :: there
+
+    call write_plate('ended', '')
+    call execute_command_line('rm -f ended.checkpoint.h5*; sed -i s/end=1/end=100/ ended.nml')
+    call run_and_signal('ended', 2, 'TERM', 'ended.vtkhdf', status, patience=2)
+    call check(error, status /= 0, 'mpirun ended as if nothing had been')
+    if (allocated(error)) return
+    call check(error, said('ended', 'calor-mpi run --resume ended.nml'), 1)
+    if (allocated(error)) return
+    inquire (file='ended.checkpoint.h5', exist=there)
+    call check(error, there, 'there is no checkpoint')
+  end subroutine test_mpirun
 
   !> What is laid aside is the state and the length of the next step; PETSc keeps nothing else.
   subroutine test_implicit(error)

@@ -8,7 +8,7 @@ module test_runs
   implicit none (type, external)
   private
 
-  public :: agree, allowed, write_scene, run_serial, run_ranks, compare_files, said, environment
+  public :: agree, allowed, write_scene, run_and_signal, run_serial, run_ranks, compare_files, said, environment
 
   !> How far fields of two programs may differ
   real(wp), parameter :: allowed = 1.0e-10_wp
@@ -112,6 +112,33 @@ contains
                               environment('CALOR_MPI_PROGRAM')//' '//what//' '//name//'.nml'// &
                               more//' >'//name//'.out 2>&1', exitstat=status)
   end subroutine run_ranks
+
+  !> Run by some ranks, and send a signal to the second of them when a file is there.
+  subroutine run_and_signal(name, ranks, signal, file, status, patience)
+    character(len=*), intent(in) :: name, signal, file
+    integer, intent(in) :: ranks
+    integer, intent(out) :: status
+    !> Signal to Open MPI's mpirun itself, which gives ranks so many seconds before it kills them
+    integer, intent(in), optional :: patience
+    character(len=*), parameter :: quote = ''''
+    character(len=:), allocatable :: options, receiver
+
+    options = ''
+    receiver = '$(cat '//name//'.pid1)'
+    if (present(patience)) then
+      options = ' --mca odls_base_sigkill_timeout '//to_text(patience)
+      receiver = '$job'
+    end if
+    call execute_command_line('rm -f '//file//'; '// &
+                              environment('CALOR_MPIRUN')//options//' -n '//to_text(ranks)//' sh -c '// &
+                              quote//'echo $$ >'//name//'.pid$OMPI_COMM_WORLD_RANK; exec '// &
+                              environment('CALOR_MPI_PROGRAM')//' run '//name//'.nml'//quote// &
+                              ' >'//name//'.out 2>&1 & job=$!; '// &
+                              'for i in $(seq 3000); do [ -e '//file//' ] && break; '// &
+                              'sleep 0.02; done; '// &
+                              'kill -'//signal//' '//receiver//'; wait $job', &
+                              exitstat=status)
+  end subroutine run_and_signal
 
   !> How often a text was said.
   function said(name, text) result(times)

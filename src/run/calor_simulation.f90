@@ -356,6 +356,8 @@ contains
         deallocate (error)
       end if
       if (allocated(this%motion) .and. .not. allocated(error)) call this%settle_rows(error)
+      ! A run that makes no step leaves the file of before.
+      if (allocated(error) .and. this%stepper%steps == 0) exit
       if (.not. amid) this%written = this%written + 1
       ! After a failure the state is the last good one: it is written too.
       call this%write_present_state(file, file_error, observer)
@@ -375,7 +377,10 @@ contains
 
     !> Complete the file, and say what became of the run.
     subroutine finish()
-      if (allocated(file_error)) then
+      logical :: fruitless
+
+      fruitless = allocated(error) .and. this%stepper%steps == 0
+      if (allocated(file_error) .or. fruitless) then
         call file%abandon()
       else
         call file%begin_closing()
@@ -395,7 +400,8 @@ contains
                    to_text(this%time, digits=6)//' s. The state is in '// &
                    this%scene%checkpoint%file//'; go on by'//new_line('a')// &
                    'calor run --resume '//this%scene%path)
-      else if (allocated(error) .and. file%in_use .and. .not. allocated(file_error)) then
+      else if (allocated(error) .and. file%in_use .and. .not. (allocated(file_error) .or. &
+                                                               fruitless)) then
         error%message = error%message//new_line('a')//'The last good state, at t = '// &
                         to_text(this%time, digits=6)//' s, is in '//this%scene%output%file//'.'
       end if
