@@ -50,7 +50,11 @@ contains
     end associate
     ! Where all fail, one says it and ends all: the others give it time.
     call mpi_comm_rank(mpi_comm_world, rank)
-    if (rank > 0) seconds = c_sleep(5_c_int)
+    seconds = merge(5_c_int, 0_c_int, rank > 0)
+    ! A signal wakes it.
+    do while (seconds > 0)
+      seconds = c_sleep(seconds)
+    end do
     write (error_unit, '(a)') 'calor-mpi: PETSc could not go on in '//text_of(procedure_name)// &
       ': '//text_of(message)
     end_run = code
