@@ -3,8 +3,9 @@
 !> ⟨div K∇u⟩_i = Σ a_ij (u_j - u_i) + Σ b_ik q_k with q = n·K∇u on walls, the weights of least norm
 !> Σ a_ij²/ω_ij that are exact for a basis of functions. A flow model says what the basis is: on a
 !> neighbour beyond an interface a polynomial is continued as temperature and flux demand. Rows are
-!> judged and their supports grow as those of calor_wall_rows do. Where that does not help they are made
-!> of a lower degree, at last as stencils of non-negative weights exact for the functions of degree 2.
+!> judged and their supports grow as those of calor_wall_rows do. Where that does not help they are
+!> made of a lower degree, at last as stencils of non-negative weights exact for the functions of
+!> degree 2.
 module calor_flow_rows
   use calor_constants, only: pi
   use calor_kernel, only: kernel_t

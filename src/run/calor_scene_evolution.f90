@@ -37,9 +37,7 @@ module calor_scene_evolution
     !> Name of the Laplacian scheme, and its order if it has several
     character(len=:), allocatable :: laplacian
     integer :: order = 0
-    !> Whether its rows tell the error of others. Those that reach across interfaces are then exact
-    !> for polynomials of degree 3 where properties are constant, else of degree 2, and are not scaled
-    !> so that heat stays: wide as they are, factors vary so much that their own error counts.
+    !> Whether its rows tell the error of others
     logical :: judges = .false.
     !> Support radius in spacings
     real(wp) :: support = 0.0_wp
@@ -256,8 +254,8 @@ contains
       real(wp) :: no_normal(2, 0), no_weight(0)
 
       call this%materials%convert(cloud, this%kernel, max(2, scheme%exact_degree()), &
-                                  across_degree(this%method), scheme%rule(), rows%radius, [(1, k=0, size(free))], no_normal, &
-                                  .true., conduction%laplacian, no_weight, rows%repairs%repair, &
+                                  across_degree(this%method), scheme%rule(), rows%radius, &
+                                  [(1, k=0, size(free))], no_normal, .true., conduction%laplacian, no_weight, rows%repairs%repair, &
                                   rows%repairs%quality, rows%report, &
                                   by_tensor=this%method%laplacian == 'fatehi_manzari')
     end subroutine convert_inner_rows
@@ -321,7 +319,8 @@ contains
                                 contacts%normal(:, chosen), walls, skin_list)
         if (this%materials%in_force) then
           call this%materials%convert(cloud, this%kernel, wall_degree(scheme), &
-                                      across_degree(this%method), scheme%rule(), radius, first, contacts%normal(:, chosen), &
+                                      across_degree(this%method), scheme%rule(), radius, first, &
+                                      contacts%normal(:, chosen), &
                                       .not. any(contacts%held(chosen)), walls%laplacian, &
                                       walls%slope_weight, walls%repair, walls%quality, &
                                       walls%report, by_tensor=.false.)
@@ -358,14 +357,15 @@ contains
     if (scheme%exact_degree() <= 2) degree = 2
   end function wall_degree
 
-  !> The degree of polynomials that rows across interfaces reproduce. More than 2 cost a row that
-  !> keeps heat, and on lattices some rows are no good; the rows that judge those of degree 2 need 3.
+  !> The degree of polynomials that rows across interfaces between constant materials reproduce: for
+  !> order p degree p, as at walls, and one more in rows that tell the error of such. Those of
+  !> degree 2 are scaled so that heat stays; factors would spoil what is exact beyond that.
   pure function across_degree(method) result(degree)
     type(method_t), intent(in) :: method
     integer :: degree
 
     degree = 2
-    if (method%laplacian == 'consistent' .and. method%order >= 3) degree = method%order
+    if (method%laplacian == 'consistent') degree = max(2, method%order)
     if (method%judges) degree = degree + 1
   end function across_degree
 

@@ -133,8 +133,8 @@ contains
     !> The cloud and the kernel
     type(cloud_t), intent(in) :: cloud
     class(kernel_t), intent(in) :: kernel
-    !> The degree of polynomials, that where rows reach into another material, and what is asked of a
-    !> row
+    !> The degree of polynomials, that where rows reach into another material, and what is asked of
+    !> a row
     integer, intent(in) :: degree, degree_across
     type(row_rule_t), intent(in) :: rule
     !> Support radii of all particles, m; those of rows made anew may grow
