@@ -255,7 +255,8 @@ contains
 
       call this%materials%convert(cloud, this%kernel, max(2, scheme%exact_degree()), &
                                   across_degree(this%method), scheme%rule(), rows%radius, &
-                                  [(1, k=0, size(free))], no_normal, .true., conduction%laplacian, no_weight, rows%repairs%repair, &
+                                  [(1, k=0, size(free))], no_normal, .true., &
+                                  conduction%laplacian, no_weight, rows%repairs%repair, &
                                   rows%repairs%quality, rows%report, &
                                   by_tensor=this%method%laplacian == 'fatehi_manzari')
     end subroutine convert_inner_rows
