@@ -447,7 +447,8 @@ contains
              '1-erf(x/(2*sqrt(t+1e-300)))/erf('//lambda//') : 0" / '// &
              '&domain x_range = 0, 1 y_range = 0, 0.2 spacing = 0.02 '// &
              'arrangement = '//arrangement//' / &material latent_heat = '// &
-             to_text(1/real_of(number))//' solidus = 0 liquidus = 0 / &initial temperature = 0 / '// &
+             to_text(1/real_of(number))//' solidus = 0 liquidus = 0 / '// &
+             '&initial temperature = 0 / '// &
              '&boundary on = "all" kind = "insulated" / '// &
              '&boundary on = "left" kind = "temperature" value = 1 / '// &
              '&time end = '//to_text((0.3_wp/real_of(lambda))**2)//' / &accuracy estimate = T / '
