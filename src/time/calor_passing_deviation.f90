@@ -7,8 +7,8 @@
 !> different places and signs, so that squares add up: the mean square of their difference is
 !> 1 + 2^(5/2) times that of the error, a mean over the time in which a front passes a particle of
 !> the coarser run. At any one time the error is anything between nearly nothing and about twice
-!> that. Where errors are smooth and of second order, the difference is three times the error instead of
-!> 2.58 times.
+!> that. Where errors are smooth and of second order, the difference is three times the error
+!> instead of 2.58 times.
 module calor_passing_deviation
   use calor_kinds, only: wp
   use calor_saved_state, only: saved_state_t
