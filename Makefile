@@ -108,7 +108,7 @@ test-distributed: build distributed ## the tests of calor-mpi, on up to 8 ranks;
 test-distributed-checked: ## the tests of calor-mpi in a build with run-time checks (slow)
 	@$(MAKE) --no-print-directory test-distributed FLAGS='$(CHECKED_RANKS_FLAGS)' BIN=build/checked/bin
 
-scaling: distributed ## count anew what ranks exchange, for docs/scaling.md (minutes)
+scaling: build distributed ## measure anew the tables of docs/scaling.md (minutes)
 	@tools/scaling.sh $(BIN)
 
 fuzz: build ## feed 20000 damaged scenes and clouds to a build with sanitizers (an hour); CASES=, SEED=, LIMIT= in s

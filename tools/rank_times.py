@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
-"""Times ranks of calor-mpi against each other and against calor, and predicts larger runs.
+"""Times ranks of calor-mpi against each other and against calor, weighs their memory, and predicts larger runs.
 
-    tools/rank_times.py BIN [--repeats 5] [--spacing 0.004]
+    tools/rank_times.py BIN DOCUMENT [--repeats 7] [--spacing 0.004]
 
 BIN is the folder of calor and calor-mpi. The commands take turns; medians of the phase 'steps' are compared.
-Two tables go to the standard output, for docs/scaling.md.
+The tables take the place of those in DOCUMENT, docs/scaling.md, that stand after <!-- memory -->, <!-- times -->
+and <!-- prediction -->.
 """
 
 import argparse
@@ -42,10 +43,42 @@ def size(number):
     return f"{number / 1e9:.2g} GB" if number >= 1e9 else f"{number / 1e6:.0f} MB"
 
 
+def weigh(command, folder, spacing):
+    """Peak of a rank, bytes, and particles that it has, its own and others'."""
+    with open(f"{folder}/weigh.nml", "w", encoding="utf-8") as file:
+        file.write(SCENE.format(spacing=spacing))
+    said = subprocess.run([*command, "check", "weigh.nml"], cwd=folder, check=True, text=True,
+                          stdout=subprocess.PIPE, env={**os.environ, "OMP_NUM_THREADS": "1"}).stdout
+    own, others = map(int, re.search(r"^Ranks .* to (\d+) particles and at most (\d+)", said, re.M).groups())
+    return 1024*int(re.search(r"^Taken +(\d+)", said, re.M).group(1)), own + others
+
+
+def memory(mpirun, program, folder):
+    """A table of peaks, and of what each further particle takes."""
+    rows = ["| ranks | peak of a rank, kB | further bytes for each further particle, its own or within reach |",
+            "|---|---|---|"]
+    for ranks in (1, 2, 4, 8):
+        command = [*mpirun, "-n", str(ranks), program]
+        (little, few), (much, many) = weigh(command, folder, "0.02"), weigh(command, folder, "0.004")
+        rows.append(f"| {ranks} | {much // 1024} | {(much - little)/(many - few):.0f} |")
+    return rows
+
+
+def put(document, mark, rows):
+    """Put a table, or a line, in place of what follows a mark up to the next empty line but one."""
+    with open(document, encoding="utf-8") as file:
+        text = file.read()
+    head, rest = text.split(f"<!-- {mark} -->\n\n", 1)
+    rest = rest[rest.index("\n\n"):]
+    with open(document, "w", encoding="utf-8") as file:
+        file.write(f"{head}<!-- {mark} -->\n\n" + "\n".join(rows) + rest)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("bin")
-    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("document")
+    parser.add_argument("--repeats", type=int, default=7)
     parser.add_argument("--spacing", default="0.004")
     given = parser.parse_args()
     programs = os.path.abspath(given.bin)
@@ -60,15 +93,18 @@ def main():
             for way, (command, threads) in ways.items():
                 seconds, steps, products = run([*command, "run", "plate.nml"], folder, threads)
                 times[way].append(seconds)
+        put(given.document, "memory", memory(mpirun, f"{programs}/calor-mpi", folder))
     median = {way: statistics.median(values) for way, values in times.items()}
-    print("| | steps, s (median) | over 1 rank |\n|---|---|---|")
-    for way, seconds in median.items():
-        print(f"| {way} | {seconds:.3g} | {seconds / median['1 rank']:.2f} |")
+    rows = ["| | steps, s (median) | over 1 rank |", "|---|---|---|"]
+    rows += [f"| {way} | {seconds:.3g} | {seconds / median['1 rank']:.2f} |" for way, seconds in median.items()]
+    put(given.document, "times", rows)
     particles = (round(1/float(given.spacing)) + 1)**2
     of_particle = 2*median["2 ranks"]/products/particles
     stages = products/steps
-    print(f"\n{of_particle*1e9:.3g} ns a particle and product, {stages:.2g} products a step\n")
-    print("| particles | cores | a step, s | of it for other ranks | memory of a rank |\n|---|---|---|---|---|")
+    rows = [f"With two ranks at work a product takes {of_particle*1e9:.3g} ns a particle on each core, and a step of "
+            f"this run {stages:.2g} products."]
+    put(given.document, "product", rows)
+    rows = ["| particles | cores | a step, s | of it for other ranks | memory of a rank |", "|---|---|---|---|---|"]
     for total in (1e7, 1e8, 1e9):
         for cores in (16, 64, 256, 1024, 4096):
             share = total/cores
@@ -76,8 +112,9 @@ def main():
             border = BORDER*8*math.sqrt(share)*SUPPORT
             talk = stages*(NEIGHBOURS*LATENCY + border/BANDWIDTH) + SUMS*2*math.log2(cores)*LATENCY
             halo = border/8 + 400
-            print(f"| 10{'⁷⁸⁹'[round(math.log10(total)) - 7]} | {cores} | {work + talk:.2g} | "
-                  f"{100*talk/(work + talk):.1f} % | {size(RANK_BYTES + PARTICLE_BYTES*(share + halo))} |")
+            rows.append(f"| 10{'⁷⁸⁹'[round(math.log10(total)) - 7]} | {cores} | {work + talk:.2g} | "
+                        f"{100*talk/(work + talk):.1f} % | {size(RANK_BYTES + PARTICLE_BYTES*(share + halo))} |")
+    put(given.document, "prediction", rows)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Counts what ranks of calor-mpi exchange, and writes the table and the picture of docs/scaling.md:
-# tools/scaling.sh BIN, BIN being the folder of calor-mpi.
+# Counts what ranks of calor-mpi exchange, times them and weighs their memory, and writes the tables and the
+# picture of docs/scaling.md: tools/scaling.sh BIN, BIN being the folder of calor and calor-mpi.
 
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -48,3 +48,4 @@ awk -v table="$scratch/markdown" '
 cp "$scratch/document" docs/scaling.md
 
 gnuplot -e "data='$scratch/table'; picture='docs/pictures/scaling.png'" tools/scaling.gnuplot
+tools/rank_times.py "$bin" docs/scaling.md
