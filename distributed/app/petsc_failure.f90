@@ -42,6 +42,8 @@ contains
       bind(c)
     type(c_ptr), value :: comm, context
     integer(c_int), value :: line, code, stage
+    ! C's texts end with a null.
+    ! allow(C071)
     character(kind=c_char), intent(in) :: procedure_name(*), file(*), message(*)
     integer(c_int) :: seconds
     integer :: rank
@@ -62,6 +64,7 @@ contains
   end function end_run
 
   pure function text_of(letters) result(text)
+    ! allow(C071)
     character(kind=c_char), intent(in) :: letters(*)
     character(len=:), allocatable :: text
     integer :: k

@@ -55,9 +55,11 @@ contains
       if (scene%time%steady) then
         call add(lines, 'Time', 'steady state, by Newton''s method and PETSc''s Krylov solvers')
       else
-        call add(lines, 'Time', '0 to '//to_text(scene%time%end)//' s by '//simulation%steps%method// &
-                 ': '//trim(summary(simulation%steps%method)))
-        if (allocated(simulation%steps%choice)) call add(lines, 'Why', simulation%steps%choice%sentence())
+        call add(lines, 'Time', '0 to '//to_text(scene%time%end)//' s by '// &
+                 simulation%steps%method//': '//trim(summary(simulation%steps%method)))
+        if (allocated(simulation%steps%choice)) then
+          call add(lines, 'Why', simulation%steps%choice%sentence())
+        end if
       end if
       call add(lines, 'Memory', 'about '//size_text(memory_need( &
                real(particles%bands%particles, wp)/simulation%ranks%ranks, &

@@ -30,13 +30,13 @@ contains
       call refuse('accuracy', 'estimate', 'estimates of the error: run the scene by calor, or '// &
                   'take &accuracy out.')
     else if (scene%domain%arrangement == 'relaxed') then
-      call refuse('domain', 'arrangement', '''relaxed'': take ''jittered'', or run the scene by '// &
-                  'calor and give its output file to &domain shape = ''cloud''.')
+      call refuse('domain', 'arrangement', '''relaxed'': take ''jittered'', or run the scene '// &
+                  'by calor and give its output file to &domain shape = ''cloud''.')
     else if (scene%laplacian == 'double_gradient') then
       call refuse('scheme', 'laplacian', '''double_gradient'': take ''fatehi_manzari''.')
     else if (scene%single_weights) then
-      call refuse('scheme', 'single_weights', 'weights in single precision: take single_weights '// &
-                  'out.')
+      call refuse('scheme', 'single_weights', 'weights in single precision: take '// &
+                  'single_weights out.')
     end if
 
   contains

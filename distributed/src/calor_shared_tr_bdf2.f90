@@ -1,7 +1,7 @@
 !> TR-BDF2 on several ranks: the library's method, its steps made by PETSc's TS.
 !>
-!> TS has the stages of TR-BDF2 as ARKIMEX '2d', but an error estimate of first order. So the tableau
-!> is registered anew with the embedded formula of third order that the library's method has, and
+!> TS has the stages of TR-BDF2 as ARKIMEX '2d', but an error estimate of first order. So the
+!> tableau is registered anew with the embedded formula of third order that the library's method has, and
 !> the library's stepper chooses lengths of steps: both programs take the same ones, and what is
 !> laid aside is the state alone. Equations are solved by SNES and KSP.
 module calor_shared_tr_bdf2
@@ -73,8 +73,11 @@ module calor_shared_tr_bdf2
         bind(c, name='TSARKIMEXRegister')
       import :: c_char, c_double, c_int, c_ptr
       implicit none (type, external)
+      ! C's arrays
+      ! allow(C071)
       character(kind=c_char), intent(in) :: name(*)
       integer(c_int), intent(in), value :: order, stages, pinterp
+      ! allow(C071)
       real(c_double), intent(in) :: at(*), a(*), bembedt(*), binterpt(*)
       type(c_ptr), intent(in), value :: bt, ct, b, c, bembed, binterp
     end function tsarkimexregister

@@ -8,7 +8,8 @@ module test_runs
   implicit none (type, external)
   private
 
-  public :: agree, allowed, write_scene, run_and_signal, run_serial, run_ranks, compare_files, said, environment
+  public :: agree, allowed, write_scene, run_and_signal, run_serial, run_ranks, &
+            compare_files, said, environment
 
   !> How far fields of two programs may differ
   real(wp), parameter :: allowed = 1.0e-10_wp
@@ -130,7 +131,8 @@ contains
       receiver = '$job'
     end if
     call execute_command_line('rm -f '//file//'; '// &
-                              environment('CALOR_MPIRUN')//options//' -n '//to_text(ranks)//' sh -c '// &
+                              environment('CALOR_MPIRUN')//options//' -n '//to_text(ranks)// &
+                              ' sh -c '// &
                               quote//'echo $$ >'//name//'.pid$OMPI_COMM_WORLD_RANK; exec '// &
                               environment('CALOR_MPI_PROGRAM')//' run '//name//'.nml'//quote// &
                               ' >'//name//'.out 2>&1 & job=$!; '// &
