@@ -221,7 +221,7 @@ contains
                          '&material conductivity=20 density=1 heat_capacity=10 /', &
                          '&initial temperature=500 /', &
                          '&boundary on=''all'' kind=''radiation'' emissivity=0.8 ambient=300 /', &
-                         '&boundary on=''left'' kind=''temperature'' value_expression=''500+t'' /', &
+                         '&boundary on=''left'' value_expression=''500+t'' /', &
                          '&time end=0.1 step=0.01 method=''tr_bdf2'' /', &
                          '&output file=''given.vtkhdf'' every=0.05 /'], [1, 3], error, &
                within=500*allowed)
@@ -245,8 +245,8 @@ contains
                               '&domain shape=''rectangle'' x_range=0,1 y_range=0,0.6', &
                               '  spacing=0.03 arrangement=''jittered'' jitter=0.2 seed=3 /', &
                               '&material conductivity=1 /', &
-                              '&material conductivity=10 density=2 where_expression=''x>0.503'' /', &
-                              '&boundary on=''all'' kind=''temperature'' value_expression=''x*y'' /', &
+                              '&material conductivity=10 where_expression=''x>0.503'' /', &
+                              '&boundary on=''all'' value_expression=''x*y'' /', &
                               '&boundary on=''top'' kind=''flux'' flux=2 /', &
                               '&time steady=.true. /', &
                               '&output file=''steadyslab.vtkhdf'' /'], [1, 3], error)

@@ -55,8 +55,8 @@ contains
         '&operators field_expression=''x'' /', &
         '&cost spacings=0.1 /', &
         '&time end=0.1 step=0.001 method=''forward_euler'' /', &
-        '&output file=''rectangle.vtkhdf'' every=0.05 fields=''temperature'',''exact'',''error'',', &
-        '  ''row_quality'',''row_repair'',''neighbours'',''support_radius'',', &
+        '&output file=''rectangle.vtkhdf'' every=0.05', &
+        '  fields=''temperature'',''exact'',''error'',''row_quality'',''row_repair'',''neighbours'',''support_radius'',', &
         '  ''condition_gradient'',''condition_laplacian'' /']
     list(2)%name = 'disc'
     list(2)%lines(:14) = [character(len=wide) :: &
@@ -67,7 +67,7 @@ contains
         '&material conductivity=3 where_expression=''x>0.33'' /', &
         '&initial temperature_expression=''x'' /', &
         '&boundary on=''all'' kind=''insulated'' /', &
-        '&boundary on=''all'' kind=''temperature'' value_expression=''t'' where_expression=''x<0'' /', &
+        '&boundary on=''all'' value_expression=''t'' where_expression=''x<0'' /', &
         '&source power_expression=''exp(-T)'' /', &
         '&time end=0.1 tolerance=1e-7 method=''rkl2'' /', &
         '&checkpoint file=''disc.h5'' every_seconds=0 every=0.05 keep=2 /', &
@@ -191,7 +191,7 @@ contains
 
   end subroutine test_keys
 
-  !> Keys as the help of the format lists them; those of groups for other commands are not asked for.
+  !> Keys as the help of the format lists them, but those of groups for other commands.
   subroutine test_coverage(error)
     type(error_type), allocatable, intent(out) :: error
     type(case_t), allocatable :: list(:)
