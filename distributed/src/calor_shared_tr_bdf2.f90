@@ -2,8 +2,8 @@
 !>
 !> TS has the stages of TR-BDF2 as ARKIMEX '2d', but an error estimate of first order. So the
 !> tableau is registered anew with the embedded formula of third order that the library's method
-!> has, and the library's stepper chooses lengths of steps: both programs take the same ones, and what is
-!> laid aside is the state alone. Equations are solved by SNES and KSP.
+!> has, and the library's stepper chooses lengths of steps: both programs take the same ones, and
+!> what is laid aside is the state alone. Equations are solved by SNES and KSP.
 module calor_shared_tr_bdf2
   use, intrinsic :: iso_c_binding, only: c_char, c_double, c_int, c_null_char, c_null_ptr, c_ptr
   use calor_conduction, only: conduction_t

@@ -40,7 +40,7 @@ contains
     type(case_t) :: list(12)
 
     list(1)%name = 'rectangle'
-    list(1)%lines(:17) = [character(len=wide) :: &
+    list(1)%lines(:18) = [character(len=wide) :: &
         '&scene title=''A plate'' exact_expression=''x+y'' /', &
         '&domain shape=''rectangle'' x_range=0,1 y_range=0,1 spacing=0.08', &
         '  arrangement=''jittered'' jitter=0.1 seed=4 /', &
@@ -56,7 +56,8 @@ contains
         '&cost spacings=0.1 /', &
         '&time end=0.1 step=0.001 method=''forward_euler'' /', &
         '&output file=''rectangle.vtkhdf'' every=0.05', &
-        '  fields=''temperature'',''exact'',''error'',''row_quality'',''row_repair'',''neighbours'',''support_radius'',', &
+        '  fields=''temperature'',''exact'',''error'',''row_quality'',''row_repair'',', &
+        '  ''neighbours'',''support_radius'',', &
         '  ''condition_gradient'',''condition_laplacian'' /']
     list(2)%name = 'disc'
     list(2)%lines(:14) = [character(len=wide) :: &

@@ -2,7 +2,7 @@
 module test_resuming
   use calor_kinds, only: wp
   use calor_text, only: to_text
-  use test_runs, only: compare_files, environment, run_and_signal, run_ranks, run_serial, said, write_scene
+  use test_runs, only: compare_files, run_and_signal, run_ranks, run_serial, said, write_scene
   use testdrive, only: check, error_type, new_unittest, test_failed, unittest_type
   implicit none (type, external)
   private
