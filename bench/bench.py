@@ -93,6 +93,7 @@ def in_turn(measurements, rounds=ROUNDS):
 
 
 def timed(work):
+    np.ones(60_000_000)  # memory from the host, as touch_memory in bench.f90
     begin = time.perf_counter()
     work()
     return [time.perf_counter() - begin]
@@ -441,34 +442,36 @@ def resident(process, key):
 
 
 def measure_memory(calor, folder, intervals):
-    """What a run holds in memory while it steps, and at most before, above a tiny one."""
+    """What a run holds in memory while it steps, and at most before: what each particle more takes."""
+    sizes = (intervals // 2, intervals)
     held = []
-    for number in (10, intervals):
+    for number in sizes:
         scene = os.path.join(folder, f"memory_{number}.nml")
         with open(scene, "w") as file:
             file.write(SCENE.format(spacing=1 / number, laplacian="fatehi_manzari", order="",
-                                    tolerance="1e-9 method = 'rkl2'").replace(
-                                        "end = 0.05", "end = 0.05" if number > 10 else "end = 100.0"))
+                                    tolerance="1e-9 method = 'rkl2'"))
         child = subprocess.Popen([calor, "run", scene], stdout=subprocess.PIPE,
                                  stderr=subprocess.DEVNULL, text=True)
         for line in child.stdout:  # the plan, after which steps begin
             if line.startswith("Output"):
                 break
+        before = resident(child, "VmHWM")
         samples = []
-        while child.poll() is None and len(samples) < 20:
+        while child.poll() is None and len(samples) < 30:
             time.sleep(0.1)
-            try:
-                samples.append((resident(child, "VmRSS"), resident(child, "VmHWM")))
-            except OSError:
-                break
+            now = resident(child, "VmRSS")
+            if now > 0:  # nothing is told of a process that has just ended
+                samples.append(now)
         child.kill()  # not terminate: an interrupted run would leave a checkpoint
         child.communicate()
-        # What steps hold is what is left when all that they do not need has been freed.
-        held.append([samples[-1][0], samples[-1][1]] if samples else [math.nan] * 2)
-    particles = (intervals + 1) ** 2
-    for place, name in enumerate(("while stepping", "at most, in set-up")):
-        note("memory", f"calor run, fatehi_manzari, {name}", particles, 2, 12.4, name,
-             (held[1][place] - held[0][place]) / particles, "bytes per particle")
+        # The first sample may fall before what steps do not need is freed.
+        held.append([statistics.median(samples[1:]), max(samples[1:]), before]
+                    if len(samples) > 3 else [math.nan] * 3)
+    particles = [(number + 1) ** 2 for number in sizes]
+    for place, name in enumerate(("while stepping", "while trying out how many stages are stable",
+                                  "at most, in set-up")):
+        note("memory", f"calor run, fatehi_manzari, {name}", particles[1], 2, 12.4, name,
+             (held[1][place] - held[0][place]) / (particles[1] - particles[0]), "bytes per particle")
 
 
 # --- What is written ----------------------------------------------------------------------------
