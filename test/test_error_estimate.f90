@@ -2,6 +2,7 @@
 module test_error_estimate
   use calor_error, only: error_t
   use calor_kinds, only: wp
+  use calor_laplacian_schemes, only: usual_support
   use calor_scene, only: scene_t
   use calor_scene_reader, only: interpret_scene, read_scene
   use calor_simulation, only: simulation_t
@@ -26,6 +27,7 @@ contains
                 new_unittest('errors of time steps', test_time), &
                 new_unittest('changing walls, a lower mode', test_other_field), &
                 new_unittest('scenes with other shapes and walls', test_scenes), &
+                new_unittest('interfaces between materials', test_interfaces), &
                 new_unittest('initial temperatures that jump', test_jumps), &
                 new_unittest('steady temperatures', test_steady), &
                 new_unittest('particles in rigid motion', test_rigid_motion), &
@@ -181,6 +183,49 @@ contains
       if (allocated(error)) return
     end do
   end subroutine test_scenes
+
+  !> Rows across interfaces are of degree 2 with the paper's scheme, of the scheme's order with
+  !> others: the reference sees what they miss.
+  subroutine test_interfaces(error)
+    type(test_error), allocatable, intent(out) :: error
+    character(len=*), parameter :: paths(2) = [character(len=40) :: &
+        'data/verification/two_slabs_10.nml', 'data/verification/two_slabs_1000.nml']
+    character(len=9), parameter :: arrangements(*) = [character(len=9) :: 'lattice', 'jittered', &
+                                                      'relaxed']
+    type(scene_t) :: scene
+    type(simulation_t) :: simulation
+    type(error_t), allocatable :: failure
+    integer :: k, j, order
+
+    do k = 1, size(paths)
+      do j = 1, size(arrangements)
+        do order = 2, 4, 2
+          call read_scene(trim(paths(k)), scene, failure)
+          if (.not. allocated(failure)) then
+            scene%accuracy%estimate = .true.
+            scene%output%file = ''
+            scene%domain%arrangement = trim(arrangements(j))
+            scene%domain%jitter = 0.2_wp
+            if (order > 2) then
+              scene%laplacian = 'consistent'
+              scene%order = order
+              scene%support = usual_support('consistent', order)
+              scene%time%tolerance = 1.0e-9_wp
+            end if
+            call simulation%prepare(scene, failure)
+          end if
+          if (.not. allocated(failure)) call simulation%run(failure)
+          if (allocated(failure)) then
+            call check(error, .false., failure%message)
+            return
+          end if
+          call judge(simulation, 2.0_wp, trim(paths(k))//', '//trim(arrangements(j))//', order '// &
+                     to_text(order), error)
+          if (allocated(error)) return
+        end do
+      end do
+    end do
+  end subroutine test_interfaces
 
   !> Where between two particles a field jumps the particles do not tell: an error of first order.
   !> A front along a column of particles, with the insulated slab's Fourier series, and one at an

@@ -1,31 +1,15 @@
 !> What div(K ∇u) is in a body of several materials, or of one that conducts heat differently in
 !> different directions.
 !>
-!> A function u at a particle of material A, about the foot r₀ of its perpendicular on the interface
-!> with material B: u = u₀ + g s + τ t + a s²/2 + b s t + c t²/2, where s is measured along the
-!> normal n from A to B and t along the tangent. Beyond an interface s = χ t²/2 it goes on as
-!> u₀ + g' s + τ t + a' s²/2 + b' s t + c' t²/2 with
-!>
-!>     c' = c + χ (g - g'),
-!>
-!> for the temperature is continuous all along it. The flux is so too: with N = n·K n, M = n·K t,
-!> P = t·K t and commas for derivatives,
-!>
-!>     N_B g' + M_B τ = N_A g + M_A τ,
-!>     N_B b' + N_B,t g' + M_B c' + M_B,t τ - χ (M_B g' + P_B τ)
-!>         = N_A b + N_A,t g + M_A c + M_A,t τ - χ (M_A g + P_A τ),
-!>
-!> and so is ∂u/∂t, so that div(K ∇u)/(ρc) is the same on both sides: with D = div K,
-!>
-!>     N_B a' + 2 M_B b' + P_B c' + D_B·n g' + D_B·t τ
-!>         = (ρc)_B/(ρc)_A [N_A a + 2 M_A b + P_A c + D_A·n g + D_A·t τ].
-!>
-!> In isotropic materials N = P = κ, M = 0 and D = ∇κ.
-!> These five numbers are linear in those of A: the immersed interface method, R.J. LeVeque, Z. Li,
-!> SIAM J. Numer. Anal. 31 (1994) 1019–1044, here for rows of least norm on any cloud.
+!> Rows beside an interface are exact for polynomials that go on beyond it as
+!> calor_interface_continuation says: the immersed interface method, here for rows of least norm on
+!> any cloud.
 module calor_material_flow
   use calor_flow_rows, only: flow_model_t
+  use calor_interface_continuation, only: conduction_at_t, coefficients, coefficient_position, &
+      continuation, shifted_monomials
   use calor_kinds, only: wp, ip
+  use calor_lapack, only: dgelss
   use calor_materials, only: materials_t
   use calor_neighbour_list, only: neighbour_list_t, build_neighbour_list
   use calor_potential_jumps, only: contact_t
@@ -49,15 +33,12 @@ module calor_material_flow
   real(wp), parameter :: sharpest = 0.4_wp
   !> A particle nearer to it than so many spacings lies on it
   real(wp), parameter :: touching = 1.0e-6_wp
+  !> The degree of polynomials that tell how it bends
+  integer, parameter :: curve_degree = 4
+  !> Singular values of their fit below this part of the largest count as 0
+  real(wp), parameter :: smallest_singular = 1.0e-4_wp
   !> Steps of Newton's method to the nearest point of a parabola
   integer, parameter :: newton_steps = 8
-
-  !> N, M and P, their derivatives along the interface, and div K towards the other side and along
-  type :: conduction_at_t
-    real(wp) :: n = 0.0_wp, m = 0.0_wp, p = 0.0_wp
-    real(wp) :: n_along = 0.0_wp, m_along = 0.0_wp
-    real(wp) :: d_across = 0.0_wp, d_along = 0.0_wp
-  end type conduction_at_t
 
   !> An interface as one particle sees it
   type :: crossing_t
@@ -65,8 +46,8 @@ module calor_material_flow
     integer :: beyond = 0
     !> Foot of the perpendicular, relative to the particle, m, and normal towards the other side
     real(wp) :: foot(2) = 0.0_wp, normal(2) = 0.0_wp
-    !> How the interface bends: s = curvature t²/2 along it, 1/m
-    real(wp) :: curvature = 0.0_wp
+    !> How the interface bends: s = Σ curve(k) tᵏ along it, in powers of m
+    real(wp) :: curve(0:curve_degree) = 0.0_wp
     !> What conducts at the foot on either side
     type(conduction_at_t) :: here, there
     !> (ρc)_B/(ρc)_A
@@ -341,11 +322,15 @@ contains
       slope = curve(2) + along*curve(3)
       seen%foot = along*t + depth*n
       seen%normal = (n - slope*t)/hypot(1.0_wp, slope)
-      seen%curvature = curve(3)/(1 + slope**2)**1.5_wp
     end associate
     ! The particle is on its own side of it.
     depth = dot_product(seen%foot, seen%normal)
     if (depth < 0) seen%foot = seen%foot - depth*seen%normal
+    if (abs(curve(3)) > 0) then
+      associate (n => seen%normal, x => dx - seen%foot(1), y => dy - seen%foot(2))
+        call fit_curve(n(1)*y - n(2)*x, n(1)*x + n(2)*y, weight, patch*spacing, seen%curve)
+      end associate
+    end if
   end subroutine see_interface
 
   !> s = c₁ + c₂ t + c₃ t²/2 by least squares; c₃ = 0 where points do not tell it, or where it would
@@ -374,6 +359,30 @@ contains
     curve(2) = curve(2) - curve(3)*(mean_t + sum(weight*(t - mean_t)**3)/(2*variance))
     curve(1) = mean_s - mean_t*curve(2) - curve(3)*(mean_t**2 + variance)/2
   end subroutine fit_parabola
+
+  !> s = Σ c_k tᵏ by least squares; of several that fit alike the one that bends least
+  subroutine fit_curve(t, s, weight, length, curve)
+    !> Points, m, their weights, and a length like their distances, m
+    real(wp), intent(in) :: t(:), s(:), weight(:), length
+    !> The coefficients c
+    real(wp), intent(out) :: curve(0:)
+    real(wp) :: matrix(size(t), size(curve)), right(max(size(t), size(curve)), 1), &
+        singular(min(size(t), size(curve))), work(8*(size(t) + size(curve)) + 64)
+    integer :: rank, info, k
+
+    do k = 0, ubound(curve, 1)
+      matrix(:, k + 1) = sqrt(weight)*(t/length)**k
+    end do
+    right = 0
+    right(:size(t), 1) = sqrt(weight)*s
+    call dgelss(size(t), size(curve), 1, matrix, size(t), right, size(right, 1), singular, &
+                smallest_singular, rank, work, size(work), info)
+    curve = 0
+    if (info /= 0) return
+    do k = 0, ubound(curve, 1)
+      curve(k) = right(k + 1, 1)/length**k
+    end do
+  end subroutine fit_curve
 
   !> Properties on both sides of the interfaces of particles, as far as one material is concerned
   subroutine fill_sides(this, materials, which, x, y, spacing, particles)
@@ -453,7 +462,7 @@ contains
     real(wp), intent(out) :: slope(:, :), slope_beyond(:, :)
     real(wp), intent(out) :: pace
     real(wp), intent(out) :: ease(:), passing(:)
-    real(wp) :: beyond(5, 6), s, t
+    real(wp) :: beyond(coefficients(degree), coefficients(degree)), s, t
     integer :: k, a, b, j
 
     associate (here => this%position(particle))
@@ -483,16 +492,14 @@ contains
       do j = this%first(here), this%first(here + 1) - 1
         call find_ease(this%crossing(j), this%width/radius, dx, dy, radius, ease)
         call find_passing(this%crossing(j), this%material(neighbours), dx, dy, radius, passing)
-        call continue_beyond(this%crossing(j), radius, beyond)
         associate (crossing => this%crossing(j))
           pace = max(pace, (crossing%there%n + crossing%there%p)/ &
                      ((crossing%here%n + crossing%here%p)*crossing%capacity_ratio))
         end associate
-        ! Beyond degree 2 nothing is known of the other side.
-        if (degree > 2) cycle
+        call continue_beyond(this%crossing(j), degree, radius, beyond)
         do k = 1, size(outward, 2)
-          call find_slope_beyond(this%crossing(j), junction*this%width/radius, radius, beyond, &
-                                 outward(:, k), slope_beyond(1:5, k))
+          call find_slope_beyond(this%crossing(j), junction*this%width/radius, degree, radius, &
+                                 beyond, outward(:, k), slope_beyond(:, k))
         end do
         do k = 1, size(neighbours)
           if (this%material(neighbours(k)) /= this%crossing(j)%beyond) cycle
@@ -500,8 +507,7 @@ contains
                      y => dy(k) - this%crossing(j)%foot(2)/radius)
             s = x*crossing%normal(1) + y*crossing%normal(2)
             t = -x*crossing%normal(2) + y*crossing%normal(1)
-            basis(:, k) = 0
-            basis(1:5, k) = matmul(beyond, [1.0_wp, s, t, s**2/2, s*t, t**2/2])
+            basis(:, k) = matmul([([(s**(a - b)*t**b, b=0, a)], a=0, degree)], beyond(:, 2:))
             known(k) = .true.
           end associate
         end do
@@ -514,17 +520,21 @@ contains
 
   !> n·K∇u on the wall beyond an interface, where that meets the wall near the particle; else the
   !> column is left as it is.
-  pure subroutine find_slope_beyond(crossing, near, radius, beyond, outward, column)
+  pure subroutine find_slope_beyond(crossing, near, degree, radius, beyond, outward, column)
     type(crossing_t), intent(in) :: crossing
-    !> How near that is, in units of the support radius, and that, m
-    real(wp), intent(in) :: near, radius
-    !> What the functions are beyond the interface
-    real(wp), intent(in) :: beyond(5, 6)
+    !> How near that is, in units of the support radius
+    real(wp), intent(in) :: near
+    !> The degree of the functions, and the support radius, m
+    integer, intent(in) :: degree
+    real(wp), intent(in) :: radius
+    !> What the functions are beyond the interface, from `continue_beyond`
+    real(wp), intent(in) :: beyond(:, :)
     !> The wall's normal
     real(wp), intent(in) :: outward(2)
     !> What it is for each function
-    real(wp), intent(inout) :: column(5)
-    real(wp) :: tangent(2), depth, towards, t, flux(5, 2)
+    real(wp), intent(inout) :: column(:)
+    real(wp) :: tangent(2), depth, towards, t, gradient(2, size(column)), flux(2)
+    integer :: b
 
     associate (n => crossing%normal, there => crossing%there)
       tangent = [-n(2), n(1)]
@@ -533,10 +543,14 @@ contains
       towards = outward(1)*n(2) - outward(2)*n(1)
       if (.not. depth < near*abs(towards) .or. crossing%here%n > there%n) return
       t = depth/towards*(outward(1)*tangent(2) - outward(2)*tangent(1))
-      flux(:, 1) = beyond(:, 2) + beyond(:, 5)*t
-      flux(:, 2) = beyond(:, 3) + beyond(:, 6)*t
-      flux = matmul(flux, reshape([there%n, there%m, there%m, there%p], [2, 2]))
-      column = matmul(flux, [dot_product(outward, n), dot_product(outward, tangent)])
+      gradient = 0
+      do b = 0, degree - 1
+        gradient(1, :) = gradient(1, :) + t**b*beyond(coefficient_position(1, b), 2:)
+        gradient(2, :) = gradient(2, :) + (b + 1)*t**b*beyond(coefficient_position(0, b + 1), 2:)
+      end do
+      flux = matmul(reshape([there%n, there%m, there%m, there%p], [2, 2]), &
+                    [dot_product(outward, n), dot_product(outward, tangent)])
+      column = matmul(flux, gradient)
     end associate
   end subroutine find_slope_beyond
 
@@ -591,63 +605,32 @@ contains
     end do
   end subroutine find_passing
 
-  !> u₀, g', τ, a', b', c' of x, y, x², xy, y², offsets from the particle in units of a radius: a
-  !> row for each.
-  pure subroutine continue_beyond(crossing, radius, beyond)
+  !> The coefficients beyond an interface, of s and t about the foot, of each monomial of offsets
+  !> from the particle, constants first, one a column; all in units of a radius.
+  subroutine continue_beyond(crossing, degree, radius, beyond)
     type(crossing_t), intent(in) :: crossing
+    integer, intent(in) :: degree
     real(wp), intent(in) :: radius
-    real(wp), intent(out) :: beyond(5, 6)
-    real(wp) :: x, y, u, gradient(2), hessian(2, 2), tangent(2)
-    real(wp) :: g, tau, a, b, c, g_beyond, b_beyond, c_beyond, bend
+    real(wp), intent(out) :: beyond(:, :)
+    real(wp) :: matrix(size(beyond, 1), size(beyond, 1))
     integer :: k
 
-    x = crossing%foot(1)/radius
-    y = crossing%foot(2)/radius
-    bend = crossing%curvature*radius
-    tangent = [-crossing%normal(2), crossing%normal(1)]
-    do k = 1, 5
-      hessian = 0
-      select case (k)
-      case (1)
-        u = x
-        gradient = [1.0_wp, 0.0_wp]
-      case (2)
-        u = y
-        gradient = [0.0_wp, 1.0_wp]
-      case (3)
-        u = x**2
-        gradient = [2*x, 0.0_wp]
-        hessian(1, 1) = 2
-      case (4)
-        u = x*y
-        gradient = [y, x]
-        hessian(1, 2) = 1
-        hessian(2, 1) = 1
-      case default
-        u = y**2
-        gradient = [0.0_wp, 2*y]
-        hessian(2, 2) = 2
-      end select
-      g = dot_product(gradient, crossing%normal)
-      tau = dot_product(gradient, tangent)
-      a = dot_product(crossing%normal, matmul(hessian, crossing%normal))
-      b = dot_product(crossing%normal, matmul(hessian, tangent))
-      c = dot_product(tangent, matmul(hessian, tangent))
-      associate (here => crossing%here, there => crossing%there)
-        g_beyond = (here%n*g + (here%m - there%m)*tau)/there%n
-        c_beyond = c + bend*(g - g_beyond)
-        b_beyond = (here%n*b + here%m*c - there%m*c_beyond + radius*(here%n_along*g + &
-                    (here%m_along - there%m_along)*tau - there%n_along*g_beyond) + &
-                    bend*(there%m*g_beyond - here%m*g + (there%p - here%p)*tau))/there%n
-        beyond(k, 1:3) = [u, g_beyond, tau]
-        beyond(k, 4) = (crossing%capacity_ratio*(here%n*a + 2*here%m*b + here%p*c + radius* &
-                                                 (here%d_across*g + here%d_along*tau)) - &
-                        2*there%m*b_beyond - there%p*c_beyond - radius*(there%d_across*g_beyond + &
-                                                                 there%d_along*tau))/there%n
-        beyond(k, 5) = b_beyond
-      end associate
-      beyond(k, 6) = c_beyond
-    end do
+    call shifted_monomials(degree, crossing%foot/radius, crossing%normal, beyond)
+    call continuation(degree, in_units_of(crossing%here), in_units_of(crossing%there), &
+                      crossing%capacity_ratio, &
+                      crossing%curve*[(radius**(k - 1), k=0, curve_degree)], matrix)
+    beyond = matmul(matrix, beyond)
+
+  contains
+
+    pure function in_units_of(side) result(scaled)
+      type(conduction_at_t), intent(in) :: side
+      type(conduction_at_t) :: scaled
+
+      scaled = conduction_at_t(side%n, side%m, side%p, radius*side%n_along, radius*side%m_along, &
+                               radius*side%d_across, radius*side%d_along)
+    end function in_units_of
+
   end subroutine continue_beyond
 
 end module calor_material_flow

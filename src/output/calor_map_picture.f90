@@ -246,8 +246,8 @@ contains
 
   end function frame_script
 
-  !> Colours by value, and the values at both ends. Those of a signed field reach equally far to both
-  !> sides of 0, and the bar shows the part that there is.
+  !> Colours by value, and the values at both ends. Those of a signed field reach equally far to
+  !> both sides of 0, and the bar shows the part that there is.
   pure function palette(signed, low, high) result(script)
     logical, intent(in) :: signed
     real(wp), intent(in) :: low, high

@@ -1395,7 +1395,7 @@ contains
     scene%support = usual_support('consistent', scene%order)
     temperature = this%temperature
     method = scene_method(scene)
-    method%balanced = .false.
+    method%judges = .true.
     call make_scene_evolution(scene, this%cloud, method, temperature, reference, rows, error, &
                               further=further, maker=maker)
     if (allocated(error)) return
