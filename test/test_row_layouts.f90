@@ -259,8 +259,8 @@ contains
     call check(error, maxval(abs(found)), 0.0_wp)
   end subroutine test_constants
 
-  !> Numbers differ by what two bytes hold, by one more, by as much as there is, and the last slice is
-  !> not full.
+  !> Numbers differ by what two bytes hold, by one more, by as much as there is, and the last slice
+  !> is not full.
   subroutine test_far(error)
     type(test_error), allocatable, intent(out) :: error
     integer, parameter :: particles = 140003, neighbours = 8

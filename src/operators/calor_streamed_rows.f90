@@ -8,11 +8,11 @@
 !> near each other, along Hilbert's curve nearly all: two bytes tell where a neighbour is from its
 !> slice, and those too far away for that are appended as well. The sum of a row is Σ a_ij (u_j -
 !> u_i): the diagonal is not stored, and constants are steady to the last bit. Every particle has a
-!> row; those without weights have an empty one. (Sliced ELLPACK: M. Kreutzer, G. Hager, G. Wellein, H. Fehske,
-!> A.R. Bishop, SIAM J. Sci. Comput. 36 (2014) C401–C423.)
+!> row; those without weights have an empty one. (Sliced ELLPACK: M. Kreutzer, G. Hager, G. Wellein,
+!> H. Fehske, A.R. Bishop, SIAM J. Sci. Comput. 36 (2014) C401–C423.)
 !>
-!> The sums are those of `sparse_operator_t` up to rounding, taken in one order whatever the number of
-!> threads. On large clouds a sweep takes as long as its bytes take from memory, most of which are
+!> The sums are those of `sparse_operator_t` up to rounding, taken in one order whatever the number
+!> of threads. On large clouds a sweep takes as long as its bytes take from memory. Most of these are
 !> weights: they may be kept as single precision numbers. Products and sums have double precision
 !> all the same, and constants stay steady.
 module calor_streamed_rows
@@ -55,8 +55,8 @@ module calor_streamed_rows
     real(sp), allocatable :: short_weight(:)
     !> A power of 2 that keeps weights in the range of single precision; else 1
     real(wp) :: scale = 1.0_wp
-    !> What sticks out of the slices or lies out of their reach: how much lies before each slice, and
-    !> lane, neighbour and weight
+    !> What sticks out of the slices or lies out of their reach: how much lies before each slice,
+    !> and lane, neighbour and weight
     integer(i8), allocatable :: over_before(:)
     integer(ip), allocatable :: over_lane(:), over_index(:)
     real(wp), allocatable :: over_weight(:)
@@ -379,7 +379,7 @@ contains
     real(wp), intent(inout) :: older(particles)
     real(wp) :: own(lanes), total(lanes)
     integer(i8) :: before, entry
-    integer :: i, lane, near, own_before, rows, slice, width
+    integer :: i, in_reach, lane, near, own_before, rows, slice, width
 
     do slice = from, to
       own_before = lanes*(slice - 1)
@@ -389,12 +389,13 @@ contains
       before = lanes*this%before(slice)
       width = int(this%before(slice + 1) - this%before(slice))
       near = reach_of(own_before + 1, particles)
+      in_reach = min(reach, particles - near + 1)
       if (allocated(this%weight)) then
-        call sum_near(width, this%index(before + 1:), this%weight(before + 1:), newer(near), &
-                      own, total)
+        call sum_near(width, this%index(before + 1:), this%weight(before + 1:), in_reach, &
+                      newer(near), own, total)
       else
         call sum_near_short(width, this%index(before + 1:), this%short_weight(before + 1:), &
-                            newer(near), own, total)
+                            in_reach, newer(near), own, total)
       end if
       do entry = this%over_before(slice) + 1, this%over_before(slice + 1)
         associate (l => this%over_lane(entry))
@@ -423,12 +424,13 @@ contains
   end subroutine sweep_part
 
   !> What entries within reach add to the rows of a slice.
-  pure subroutine sum_near(width, index, weight, near, own, total)
+  pure subroutine sum_near(width, index, weight, in_reach, near, own, total)
     integer, intent(in) :: width
     integer(i2), intent(in) :: index(lanes, width)
     real(wp), intent(in) :: weight(lanes, width)
-    !> The field, from where the reach begins
-    real(wp), intent(in) :: near(-reach/2:*)
+    !> How many particles are in reach, and the field at these
+    integer, intent(in) :: in_reach
+    real(wp), intent(in) :: near(-reach/2:in_reach - reach/2 - 1)
     real(wp), intent(in) :: own(lanes)
     real(wp), intent(out) :: total(lanes)
     real(wp) :: sums(lanes), subtracted(lanes)
@@ -446,12 +448,13 @@ contains
   end subroutine sum_near
 
   !> The same with weights in single precision.
-  pure subroutine sum_near_short(width, index, weight, near, own, total)
+  pure subroutine sum_near_short(width, index, weight, in_reach, near, own, total)
     integer, intent(in) :: width
     integer(i2), intent(in) :: index(lanes, width)
     real(sp), intent(in) :: weight(lanes, width)
-    !> The field, from where the reach begins
-    real(wp), intent(in) :: near(-reach/2:*)
+    !> How many particles are in reach, and the field at these
+    integer, intent(in) :: in_reach
+    real(wp), intent(in) :: near(-reach/2:in_reach - reach/2 - 1)
     real(wp), intent(in) :: own(lanes)
     real(wp), intent(out) :: total(lanes)
     real(wp) :: sums(lanes), subtracted(lanes)
@@ -462,7 +465,8 @@ contains
     subtracted = own
     do k = 1, width
       do lane = 1, lanes
-        sums(lane) = sums(lane) + real(weight(lane, k), wp)*(near(index(lane, k)) - subtracted(lane))
+        sums(lane) = sums(lane) + &
+                     real(weight(lane, k), wp)*(near(index(lane, k)) - subtracted(lane))
       end do
     end do
     total = sums
