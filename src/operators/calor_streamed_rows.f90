@@ -12,9 +12,9 @@
 !> H. Fehske, A.R. Bishop, SIAM J. Sci. Comput. 36 (2014) C401–C423.)
 !>
 !> The sums are those of `sparse_operator_t` up to rounding, taken in one order whatever the number
-!> of threads. On large clouds a sweep takes as long as its bytes take from memory. Most of these are
-!> weights: they may be kept as single precision numbers. Products and sums have double precision
-!> all the same, and constants stay steady.
+!> of threads. On large clouds a sweep takes as long as its bytes take from memory. Most of these
+!> are weights: they may be kept as single precision numbers. Products and sums have double
+!> precision all the same, and constants stay steady.
 module calor_streamed_rows
   use calor_constants, only: worth_threads
   use calor_huge_pages, only: prefer_huge_pages
