@@ -51,9 +51,9 @@ module calor_method_choice
   !> The power of time with which steps grow while a jump spreads: the root mean square of the third
   !> derivative is ∫ (k⁵ exp(-k² t))² dk to the power 1/2 then, which goes with t^(-11/4)
   real(wp), parameter :: spreading_power = 11.0_wp/12
-  !> Steps of TR-BDF2 against those of RKL2: its errors are smaller, and its steps grow by leaps;
-  !> and where a jump spreads. Both are measured
-  real(wp), parameter :: fewer = 0.9_wp, smoother = 0.5_wp
+  !> Steps of TR-BDF2 against those of RKL2: its errors are smaller, and its steps grow by leaps.
+  !> Measured
+  real(wp), parameter :: fewer = 0.9_wp
   !> New factors that steps of growing length take
   integer, parameter :: usual_factorisations = 6
 
@@ -172,9 +172,6 @@ contains
     end if
     choice%costs = [choice%costs, rkl2_cost(problem, steps + stable)]
     if (problem%implicit) then
-      ! What spreads from a jump is smoother to a method that damps it; not so what goes on being fed
-      ! by something that is not linear.
-      if (problem%linear .and. pilot%age < 0.1_wp*problem%duration) steps = smoother*steps
       choice%costs = [choice%costs, tr_bdf2_cost(problem, fewer*steps)]
     end if
     call sort(choice%costs)
