@@ -31,6 +31,7 @@ program main
   use test_examples, only: collect_examples
   use test_implicit, only: collect_implicit
   use test_kernels, only: collect_kernels
+  use test_interface_continuation, only: collect_interface_continuation
   use test_heat_content, only: collect_heat_content
   use test_materials, only: collect_materials
   use test_neighbour_list, only: collect_neighbour_list
@@ -71,6 +72,7 @@ program main
            new_testsuite('melting', collect_melting), &
            new_testsuite('materials', collect_materials), &
            new_testsuite('heat_content', collect_heat_content), &
+           new_testsuite('interface continuation', collect_interface_continuation), &
            new_testsuite('motion', collect_motion), &
            new_testsuite('hard cases', collect_hard_cases), &
            new_testsuite('convergence study', collect_convergence_study), &

@@ -40,6 +40,7 @@ contains
                 new_unittest('an oblique interface', test_oblique), &
                 new_unittest('heat is kept where interfaces are oblique or bent', test_kept), &
                 new_unittest('a bent interface: order', test_bent), &
+                new_unittest('interfaces: order four', test_order_four), &
                 new_unittest('graded material: order two and four', test_graded), &
                 new_unittest('anisotropic: order two', test_anisotropic), &
                 new_unittest('tensor rows of the paper''s scheme', test_tensor_rows), &
@@ -314,6 +315,65 @@ contains
       end do
     end do
   end subroutine test_bent
+
+  !> Rows across interfaces have the order of the scheme: two half-spaces in time, and what a
+  !> cylinder makes of a uniform gradient.
+  subroutine test_order_four(error)
+    type(error_type), allocatable, intent(out) :: error
+    character(len=*), parameter :: clouds(3) = [character(len=52) :: 'arrangement = ''lattice''', &
+        'arrangement = ''jittered'' jitter = 0.2', 'arrangement = ''relaxed'''], &
+        scheme = '&scheme laplacian = ''consistent'' order = 4 / ', &
+        r2 = '((x-0.51)^2+(y-0.48)^2)'
+    ! At x = 0.5 the contact temperature c; 1 - c to the left, sqrt(1000) times better to the right
+    character(len=*), parameter :: c = '0.03065343003172', &
+        slabs = 'x <= 0.5 ? '//c//'+(1-'//c//')*erf((0.5-x)/(2*sqrt(t+0.01))) : '//c// &
+                '*(1-erf((x-0.5)/(2*sqrt(1000*(t+0.01)))))', &
+        cylinder = r2//' < 0.09 ? 2*(x-0.51)/11 : (x-0.51)*(1-0.09*9/11/'//r2//')'
+    character(len=:), allocatable :: text
+    integer :: j
+
+    do j = 1, size(clouds)
+      text = scheme//'&scene exact_expression = '''//slabs//''' / &initial '// &
+             'temperature_expression = '''//slabs//''' / &material / &material conductivity = '// &
+             '1000 where_expression = ''x > 0.5'' / &boundary kind = ''insulated'' / '// &
+             '&boundary on = ''left'' value_expression = '''//slabs//''' / '// &
+             '&boundary on = ''right'' value_expression = '''//slabs//''' / '// &
+             '&time end = 0.01 tolerance = 1e-9 / '
+      call check_order(text, '0.25', 20, 2.0e-6_wp)
+      if (allocated(error)) return
+      text = scheme//'&scene exact_expression = '''//cylinder//''' / &material / &material '// &
+             'conductivity = 10 where_expression = '''//r2//' < 0.09'' / &boundary '// &
+             'value_expression = '''//cylinder//''' / &time steady = .true. tolerance = 1e-12 / '
+      call check_order(text, '1', 16, 3.0e-6_wp)
+      if (allocated(error)) return
+    end do
+
+  contains
+
+    !> On two clouds, one four times finer
+    subroutine check_order(scene, height, n, largest)
+      character(len=*), intent(in) :: scene, height
+      integer, intent(in) :: n
+      !> The largest error on the finer one
+      real(wp), intent(in) :: largest
+      type(simulation_t) :: simulation
+      real(wp) :: errors(2), order
+      integer :: k
+
+      do k = 1, 2
+        call run_scene(scene//'&domain x_range = 0, 1 y_range = 0, '//height//' spacing = '// &
+                       to_text(1.0_wp/(n*4**(k - 1)))//' '//trim(clouds(j))//' / ', simulation, &
+                       error)
+        if (allocated(error)) return
+        errors(k) = simulation%relative_l2_error()
+      end do
+      order = log(errors(1)/errors(2))/log(4.0_wp)
+      call check(error, order > 3.3_wp .and. errors(2) < largest, trim(clouds(j))//': order '// &
+                 to_text(order, digits=3)//', errors '//to_text(errors(1), digits=3)//', '// &
+                 to_text(errors(2), digits=3)//new_line('a')//scene)
+    end subroutine check_order
+
+  end subroutine test_order_four
 
   !> κ = 1 + x y and ρc = 2 + x, with heat through the right wall
   subroutine test_graded(error)

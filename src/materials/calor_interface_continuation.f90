@@ -19,7 +19,8 @@ module calor_interface_continuation
   public :: conduction_at_t, coefficients, coefficient_position, continuation, shifted_monomials
 
   !> What conducts heat on one side of a point of an interface: N = n·K n, M = n·K t, P = t·K t,
-  !> their derivatives along it, and div K across and along it. Beyond degree 2 the latter must be 0.
+  !> their derivatives along it, and div K across and along it. Beyond degree 2 all of these
+  !> derivatives must be 0.
   type :: conduction_at_t
     real(wp) :: n = 0.0_wp, m = 0.0_wp, p = 0.0_wp
     real(wp) :: n_along = 0.0_wp, m_along = 0.0_wp

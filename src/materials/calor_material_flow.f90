@@ -1,13 +1,15 @@
 !> What div(K ∇u) is in a body of several materials, or of one that conducts heat differently in
 !> different directions.
 !>
-!> Rows beside an interface are exact for polynomials that go on beyond it as calor_interface_continuation
-!> says: the immersed interface method, here for rows of least norm on any cloud.
+!> Rows beside an interface are exact for polynomials that go on beyond it as
+!> calor_interface_continuation says: the immersed interface method, here for rows of least norm on
+!> any cloud.
 module calor_material_flow
   use calor_flow_rows, only: flow_model_t
   use calor_interface_continuation, only: conduction_at_t, coefficients, coefficient_position, &
       continuation, shifted_monomials
   use calor_kinds, only: wp, ip
+  use calor_lapack, only: dgelss
   use calor_materials, only: materials_t
   use calor_neighbour_list, only: neighbour_list_t, build_neighbour_list
   use calor_potential_jumps, only: contact_t
@@ -31,6 +33,10 @@ module calor_material_flow
   real(wp), parameter :: sharpest = 0.4_wp
   !> A particle nearer to it than so many spacings lies on it
   real(wp), parameter :: touching = 1.0e-6_wp
+  !> The degree of polynomials that tell how it bends
+  integer, parameter :: curve_degree = 4
+  !> Singular values of their fit below this part of the largest count as 0
+  real(wp), parameter :: smallest_singular = 1.0e-4_wp
   !> Steps of Newton's method to the nearest point of a parabola
   integer, parameter :: newton_steps = 8
 
@@ -40,8 +46,8 @@ module calor_material_flow
     integer :: beyond = 0
     !> Foot of the perpendicular, relative to the particle, m, and normal towards the other side
     real(wp) :: foot(2) = 0.0_wp, normal(2) = 0.0_wp
-    !> How the interface bends: s = curvature t²/2 along it, 1/m
-    real(wp) :: curvature = 0.0_wp
+    !> How the interface bends: s = Σ curve(k) tᵏ along it, in powers of m
+    real(wp) :: curve(0:curve_degree) = 0.0_wp
     !> What conducts at the foot on either side
     type(conduction_at_t) :: here, there
     !> (ρc)_B/(ρc)_A
@@ -316,11 +322,15 @@ contains
       slope = curve(2) + along*curve(3)
       seen%foot = along*t + depth*n
       seen%normal = (n - slope*t)/hypot(1.0_wp, slope)
-      seen%curvature = curve(3)/(1 + slope**2)**1.5_wp
     end associate
     ! The particle is on its own side of it.
     depth = dot_product(seen%foot, seen%normal)
     if (depth < 0) seen%foot = seen%foot - depth*seen%normal
+    if (abs(curve(3)) > 0) then
+      associate (n => seen%normal, x => dx - seen%foot(1), y => dy - seen%foot(2))
+        call fit_curve(n(1)*y - n(2)*x, n(1)*x + n(2)*y, weight, patch*spacing, seen%curve)
+      end associate
+    end if
   end subroutine see_interface
 
   !> s = c₁ + c₂ t + c₃ t²/2 by least squares; c₃ = 0 where points do not tell it, or where it would
@@ -349,6 +359,30 @@ contains
     curve(2) = curve(2) - curve(3)*(mean_t + sum(weight*(t - mean_t)**3)/(2*variance))
     curve(1) = mean_s - mean_t*curve(2) - curve(3)*(mean_t**2 + variance)/2
   end subroutine fit_parabola
+
+  !> s = Σ c_k tᵏ by least squares; of several that fit alike the one that bends least
+  subroutine fit_curve(t, s, weight, length, curve)
+    !> Points, m, their weights, and a length like their distances, m
+    real(wp), intent(in) :: t(:), s(:), weight(:), length
+    !> The coefficients c
+    real(wp), intent(out) :: curve(0:)
+    real(wp) :: matrix(size(t), size(curve)), right(max(size(t), size(curve)), 1), &
+        singular(min(size(t), size(curve))), work(8*(size(t) + size(curve)) + 64)
+    integer :: rank, info, k
+
+    do k = 0, ubound(curve, 1)
+      matrix(:, k + 1) = sqrt(weight)*(t/length)**k
+    end do
+    right = 0
+    right(:size(t), 1) = sqrt(weight)*s
+    call dgelss(size(t), size(curve), 1, matrix, size(t), right, size(right, 1), singular, &
+                smallest_singular, rank, work, size(work), info)
+    curve = 0
+    if (info /= 0) return
+    do k = 0, ubound(curve, 1)
+      curve(k) = right(k + 1, 1)/length**k
+    end do
+  end subroutine fit_curve
 
   !> Properties on both sides of the interfaces of particles, as far as one material is concerned
   subroutine fill_sides(this, materials, which, x, y, spacing, particles)
@@ -579,11 +613,12 @@ contains
     real(wp), intent(in) :: radius
     real(wp), intent(out) :: beyond(:, :)
     real(wp) :: matrix(size(beyond, 1), size(beyond, 1))
+    integer :: k
 
     call shifted_monomials(degree, crossing%foot/radius, crossing%normal, beyond)
     call continuation(degree, in_units_of(crossing%here), in_units_of(crossing%there), &
-                      crossing%capacity_ratio, [0.0_wp, 0.0_wp, crossing%curvature*radius/2], &
-                      matrix)
+                      crossing%capacity_ratio, &
+                      crossing%curve*[(radius**(k - 1), k=0, curve_degree)], matrix)
     beyond = matmul(matrix, beyond)
 
   contains

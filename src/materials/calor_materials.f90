@@ -45,6 +45,9 @@ module calor_materials
     character(len=:), allocatable :: place, density_place, capacity_place
     !> Where it says where it is; empty where it is everywhere
     character(len=:), allocatable :: region_place
+  contains
+    !> Whether its properties are the same everywhere and at all temperatures
+    procedure :: is_constant => has_constant_properties
   end type material_t
 
   !> All materials of a scene
@@ -306,6 +309,14 @@ contains
     call this%evaluate(this%list(material)%heat_capacity, x, y, capacity)
     capacity = density*capacity
   end subroutine capacity_at
+
+  elemental function has_constant_properties(this) result(answer)
+    class(material_t), intent(in) :: this
+    logical :: answer
+
+    answer = .not. (this%graded .or. this%stores_by_place .or. this%conducts_by_temperature .or. &
+                    this%stores_by_temperature)
+  end function has_constant_properties
 
   !> The values of an expression that has been read before
   subroutine evaluate(this, text, x, y, values)

@@ -3,8 +3,9 @@
 !> ⟨div K∇u⟩_i = Σ a_ij (u_j - u_i) + Σ b_ik q_k with q = n·K∇u on walls, the weights of least norm
 !> Σ a_ij²/ω_ij that are exact for a basis of functions. A flow model says what the basis is: on a
 !> neighbour beyond an interface a polynomial is continued as temperature and flux demand. Rows are
-!> judged and their supports grow as those of calor_wall_rows do, and where that does not help they
-!> become stencils of non-negative weights exact for the functions of degree 2.
+!> judged and their supports grow as those of calor_wall_rows do. Where that does not help they are
+!> made of a lower degree, at last as stencils of non-negative weights exact for the functions of
+!> degree 2.
 module calor_flow_rows
   use calor_constants, only: pi
   use calor_kernel, only: kernel_t
@@ -94,6 +95,8 @@ module calor_flow_rows
   real(wp), parameter :: smallest_singular = 1.0e-9_wp
   !> Growth ends after this many times
   integer, parameter :: most_times = 30
+  !> Rows of a degree above 2 have at most so many neighbours for each function
+  integer, parameter :: widest_row = 5
   !> No particle has more normals
   integer, parameter :: most_normals = 8
   !> As in calor_taylor_weights
@@ -109,7 +112,7 @@ contains
                                 first, normal, flux_is_given, rows)
     !> What the rows are exact for
     class(flow_model_t), intent(in) :: model
-    !> … up to this degree, at least 2
+    !> … up to this degree, at least 2; where that gives no good row, to a lower one
     integer, intent(in) :: degree
     !> What is asked of a row
     type(row_rule_t), intent(in) :: rule
@@ -131,16 +134,19 @@ contains
     integer, allocatable :: pending(:)
     real(wp), allocatable :: first_radius(:)
     type(row_rule_t), parameter :: usual = row_rule_t()
-    integer :: k
+    integer :: exact(size(particles)), k, trial_degree
 
     allocate (rows%repair(size(particles)), source=as_written)
     first_radius = radius(particles)
     pending = [(k, k=1, size(particles))]
-    call grow(.true., rule%largest_stiffness)
-    ! Short steps at a few particles rather than another stencil
-    if (rule%largest_stiffness < usual%largest_stiffness) then
-      call grow(.true., usual%largest_stiffness)
-    end if
+    do trial_degree = degree, 2, -1
+      exact(pending) = trial_degree
+      call grow(.true., rule%largest_stiffness)
+      ! Short steps at a few particles rather than another stencil
+      if (rule%largest_stiffness < usual%largest_stiffness) then
+        call grow(.true., usual%largest_stiffness)
+      end if
+    end do
     call grow(.false., usual%largest_stiffness)
     where (rows%repair == no_stencil) radius(particles) = first_radius
     call assemble_final()
@@ -176,7 +182,8 @@ contains
           call one_row(norm_minimal, pending(k), list, k, stencil, trial, b, ratio, stiffness)
           good(k) = ratio <= rule%largest_ratio .and. stiffness <= largest_stiffness .and. &
                     stencil%residual <= largest_residual
-          large(k) = list%first(k + 1) - list%first(k) >= min(rule%most_neighbours, size(x) - 1)
+          large(k) = list%first(k + 1) - list%first(k) >= &
+                     min(most_neighbours(exact(pending(k))), size(x) - 1)
         end do
         !$omp end do
         !$omp end parallel
@@ -193,6 +200,15 @@ contains
       end do
       pending = [failed, pending]
     end subroutine grow
+
+    !> A row of a lower degree is better than one that reaches far.
+    pure function most_neighbours(of_degree) result(number)
+      integer, intent(in) :: of_degree
+      integer :: number
+
+      number = rule%most_neighbours
+      if (of_degree > 2) number = min(number, widest_row*monomials(of_degree))
+    end function most_neighbours
 
     !> All rows on their final supports
     subroutine assemble_final()
@@ -252,7 +268,7 @@ contains
       integer :: n, normals, m
 
       normals = first(which + 1) - first(which)
-      m = monomials(merge(degree, 2, norm_minimal))
+      m = monomials(exact(which))
       associate (from => list%first(row), to => list%first(row + 1) - 1, &
                  h => radius(particles(which)))
         call stencil%gather(kernel, x, y, volume, particles(which), list%index(from:to), h)
@@ -262,7 +278,7 @@ contains
         allocate (basis(m, n + 2*normals), wanted(m), known(n), found(n + 2*normals))
         allocate (ease(n), passing(n))
         call model%describe(particles(which), list%index(from:to), dx, dy, h, &
-                            merge(degree, 2, norm_minimal), wanted, basis(:, 1:n), known, &
+                            exact(which), wanted, basis(:, 1:n), known, &
                             normal(:, first(which):first(which + 1) - 1), &
                             basis(:, n + 1:n + normals), basis(:, n + normals + 1:), pace, ease, &
                             passing)

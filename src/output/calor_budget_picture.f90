@@ -60,7 +60,8 @@ contains
     do k = 1, size(account)
       script = script//'$budget using 1:'//to_text(k + 3)//style_of(k)//', '
     end do
-    script = script//'$budget using 1:3'//style_of_stored//end//'unset title'//end//'set tmargin at screen 0.46'//end// &
+    script = script//'$budget using 1:3'//style_of_stored//end//'unset title'//end// &
+             'set tmargin at screen 0.46'//end// &
              'set bmargin at screen 0.11'//end//'set format x "%g"'//end// &
              'set autoscale y'//end//'set xlabel "t, s"'//end// &
              'set ylabel "heat stored\n'//factor(stored_scale)//'J per m depth" '// &
@@ -81,8 +82,8 @@ contains
              'unset grid'//end//'unset xlabel'//end//'unset ylabel'//end// &
              'set yrange [0:1]'//end//'set key at screen 0.80,0.9 '// &
              'left top Left reverse noenhanced samplen 3 spacing '
-    script = script//trim(merge('1.3            ', '1.0 font ",11" ', size(account) < most))//end// &
-             'plot '
+    script = script//trim(merge('1.3            ', '1.0 font ",11" ', size(account) < most))// &
+             end//'plot '
     do k = 1, size(account)
       script = script//'NaN'//style_of(k)//' title "'//in_script(spoken(account(k)%value))//'", '
     end do

@@ -37,9 +37,8 @@ module calor_scene_evolution
     !> Name of the Laplacian scheme, and its order if it has several
     character(len=:), allocatable :: laplacian
     integer :: order = 0
-    !> Whether rows that reach across interfaces are scaled so that heat stays. Those that tell the
-    !> error of others are not: wide as they are, factors vary so much that their own error counts.
-    logical :: balanced = .true.
+    !> Whether its rows tell the error of others
+    logical :: judges = .false.
     !> Support radius in spacings
     real(wp) :: support = 0.0_wp
   end type method_t
@@ -238,7 +237,7 @@ contains
     if (allocated(error)) return
     if (this%materials%in_force) then
       call divide_by_capacity(this%materials%capacity, conduction%laplacian)
-      if (this%method%balanced) then
+      if (across_degree(this%method) == 2) then
         call balance_interfaces(conduction, cloud%area, &
                                 [(this%materials%reaches_across(conduction%laplacian, k), &
                                   k=1, conduction%laplacian%rows())])
@@ -255,8 +254,9 @@ contains
       real(wp) :: no_normal(2, 0), no_weight(0)
 
       call this%materials%convert(cloud, this%kernel, max(2, scheme%exact_degree()), &
-                                  scheme%rule(), rows%radius, [(1, k=0, size(free))], no_normal, &
-                                  .true., conduction%laplacian, no_weight, rows%repairs%repair, &
+                                  across_degree(this%method), scheme%rule(), rows%radius, &
+                                  [(1, k=0, size(free))], no_normal, .true., &
+                                  conduction%laplacian, no_weight, rows%repairs%repair, &
                                   rows%repairs%quality, rows%report, &
                                   by_tensor=this%method%laplacian == 'fatehi_manzari')
     end subroutine convert_inner_rows
@@ -319,8 +319,9 @@ contains
                                 cloud%volume, radius, particles, first, &
                                 contacts%normal(:, chosen), walls, skin_list)
         if (this%materials%in_force) then
-          call this%materials%convert(cloud, this%kernel, wall_degree(scheme), scheme%rule(), &
-                                      radius, first, contacts%normal(:, chosen), &
+          call this%materials%convert(cloud, this%kernel, wall_degree(scheme), &
+                                      across_degree(this%method), scheme%rule(), radius, first, &
+                                      contacts%normal(:, chosen), &
                                       .not. any(contacts%held(chosen)), walls%laplacian, &
                                       walls%slope_weight, walls%repair, walls%quality, &
                                       walls%report, by_tensor=.false.)
@@ -356,5 +357,17 @@ contains
     degree = max(2, scheme%exact_degree() - 1)
     if (scheme%exact_degree() <= 2) degree = 2
   end function wall_degree
+
+  !> The degree of polynomials that rows across interfaces between constant materials reproduce: for
+  !> order p degree p, as at walls, and one more in rows that tell the error of such. Those of
+  !> degree 2 are scaled so that heat stays; factors would spoil what is exact beyond that.
+  pure function across_degree(method) result(degree)
+    type(method_t), intent(in) :: method
+    integer :: degree
+
+    degree = 2
+    if (method%laplacian == 'consistent') degree = max(2, method%order)
+    if (method%judges) degree = degree + 1
+  end function across_degree
 
 end module calor_scene_evolution

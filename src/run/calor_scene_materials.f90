@@ -127,14 +127,15 @@ contains
     medium%conductivity = minval(this%conductivity(1:2, :))
   end subroutine describe
 
-  subroutine convert(this, cloud, kernel, degree, rule, radius, first, normal, flux_is_given, &
-                     operator, slope_weight, repair, quality, report, by_tensor)
+  subroutine convert(this, cloud, kernel, degree, degree_across, rule, radius, first, normal, &
+                     flux_is_given, operator, slope_weight, repair, quality, report, by_tensor)
     class(scene_materials_t), intent(inout) :: this
     !> The cloud and the kernel
     type(cloud_t), intent(in) :: cloud
     class(kernel_t), intent(in) :: kernel
-    !> The degree of polynomials, and what is asked of a row
-    integer, intent(in) :: degree
+    !> The degree of polynomials, that where rows reach into another material, and what is asked of
+    !> a row
+    integer, intent(in) :: degree, degree_across
     type(row_rule_t), intent(in) :: rule
     !> Support radii of all particles, m; those of rows made anew may grow
     real(wp), intent(inout) :: radius(:)
@@ -154,6 +155,7 @@ contains
     !> Whether rows where the conductivity is a tensor are those of the paper's scheme if possible
     logical, intent(in) :: by_tensor
     logical, allocatable :: across(:), own(:)
+    type(row_rule_t) :: rule_across
     integer :: k
 
     across = [(this%reaches_across(operator, k), k=1, operator%rows())]
@@ -165,9 +167,10 @@ contains
     end do
     call scale_rows(operator, this%conductivity(1, :), own)
     if (any(across)) then
-      ! Functions are continued beyond an interface up to degree 2, which needs a few neighbours.
       radius(pack(operator%target, across)) = short_support*cloud%spacing
-      call make_anew(across, 2, row_rule_t())
+      if (degree_across > 2) rule_across%largest_ratio = rule%largest_ratio
+      call make_anew(across, merge(degree_across, 2, all(this%materials%list%is_constant())), &
+                     rule_across)
     end if
     own = own .and. .not. across
     if (any(own) .and. by_tensor) call take_tensor_rows(own)
