@@ -242,8 +242,8 @@ contains
     roundness = widening*max(0.0_wp, roundness)
   end subroutine find_roundness
 
-  !> The sixteenth root of the mean of sixteenth powers: about the largest entry, whatever the number
-  !> of entries
+  !> The sixteenth root of the mean of sixteenth powers: about the largest entry, whatever
+  !> their number
   function peak_size(evolution, v) result(peak)
     class(evolution_t), intent(in) :: evolution
     real(wp), intent(in) :: v(:)
