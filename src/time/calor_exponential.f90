@@ -179,8 +179,8 @@ contains
         log(rounding_part*part/epsilon(part))) useful = roundness
   end function useful_roundness
 
-  !> What part of F may lie in modes off the real axis: of what decays as fast as the spectral radius
-  !> lets it, that on a few particles.
+  !> What part of F may lie in modes off the real axis: of what decays as fast as the spectral
+  !> radius lets it, that on a few particles.
   function part_off_axis(evolution, spectral_radius, rate) result(part)
     !> Whose Jacobian
     class(evolution_t), intent(inout) :: evolution
