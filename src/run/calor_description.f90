@@ -168,7 +168,8 @@ contains
              to_text(simulation%estimated_maximum_error(), digits=3)//' K at a particle'
       if (simulation%scene%time%steady) return
       if (allocated(simulation%coarser)) then
-        text = text//'; an estimate from above, by a run with particles twice as far apart'
+        text = text//'; while fronts pass particles, root mean square, by a run with particles '// &
+               'twice as far apart'
         return
       end if
       text = text//'; the estimates of the steps add up to '// &

@@ -505,8 +505,9 @@ contains
     end if
     scene%accuracy%place = place_of(group, '')
     if (scene%melts .and. scene%accuracy%target > 0) then
-      call raise_at(error, group, 'target', 'where something melts the error is estimated from '// &
-                    'above only, which is too little to choose by. Take estimate = .true.')
+      call raise_at(error, group, 'target', 'where something melts the error is estimated as '// &
+                    'a mean over the passage of a front, which is too little to choose by. '// &
+                    'Take estimate = .true.')
     else if (scene%accuracy%estimate .and. scene%melts .and. scene%domain%shape == 'cloud' .and. &
              .not. scene%time%steady) then
       call raise_at(error, group, '', 'where something melts the error is estimated from a run '// &
@@ -548,8 +549,9 @@ contains
         do k = 1, size(output%fields)
           if (output%fields(k)%value /= 'temperature_corrected') cycle
           if (.not. scene%melts .or. scene%time%steady) cycle
-          call raise_at(error, group, 'fields', 'where something melts the error is estimated '// &
-                        'from above only, so that there is no ''temperature_corrected''.')
+          call raise_at(error, group, 'fields', 'where something melts the error is known '// &
+                        'as a mean over the passage of a front, not at any one time, so that '// &
+                        'there is no ''temperature_corrected''.')
           return
         end do
       else

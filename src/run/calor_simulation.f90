@@ -23,6 +23,7 @@ module calor_simulation
   use calor_local_polynomial, only: interpolate_field
   use calor_materials, only: materials_t, read_materials
   use calor_method_choice, only: method_choice_t, problem_t, foresee_costs
+  use calor_passing_deviation, only: passing_deviation_t
   use calor_rightmost_eigenvalue, only: rightmost_t, find_rightmost
   use calor_row_report, only: row_report_t
   use calor_rows_in_motion, only: rows_in_motion_t
@@ -63,6 +64,8 @@ module calor_simulation
   !> Error of one step, as a part of the range of given temperatures, where the scene gives none
   real(wp), parameter :: default_tolerance = 1.0e-6_wp
 
+  !> So often, and when states are written, a run is compared with the coarser one
+  integer, parameter :: comparisons = 128
   character(len=*), parameter :: coarser_run = 'In the run with particles twice as far apart, '// &
                                                'from which the error is estimated: '
 
@@ -109,6 +112,8 @@ module calor_simulation
     !> Where something melts: the same scene with particles twice as far apart, which tells the
     !> error; a simulation_t (gfortran 12 fails on types that hold their own kind)
     class(*), allocatable :: coarser
+    !> What it differs from this one
+    type(passing_deviation_t), private :: deviation
     !> How particles move; not allocated where nothing moves
     type(motion_t), allocatable :: motion
     !> The rows of the estimate's reference on their way with the particles, where both are in force
@@ -170,6 +175,7 @@ module calor_simulation
     procedure, private :: prepare_estimate
     procedure, private :: prepare_coarser
     procedure, private :: advance_coarser
+    procedure, private :: advance_alone
     !> How much of each particle is liquid, from 0 to 1
     procedure :: liquid_fraction
     procedure, private :: state
@@ -626,6 +632,7 @@ contains
         call coarser%save(state)
         call state%leave()
       end select
+      call this%deviation%save(state)
     end if
     call state%put('output_file', this%scene%output%file)
     call this%budget%save_entries(this%entries, state)
@@ -694,6 +701,7 @@ contains
         call state%leave()
         if (allocated(error)) return
       end select
+      call this%deviation%restore(state)
     end if
     ! A new integrator: the one at hand may have steps of its own behind it.
     call make_integrator(this%method, this%stepper%integrator, error)
@@ -977,6 +985,34 @@ contains
     !> The numbers went wrong; time and temperature are those of the last good state
     type(error_t), allocatable, intent(out) :: error
     type(error_t), allocatable :: coarser_error
+    real(wp) :: next, interval
+
+    if (.not. allocated(this%coarser)) then
+      call this%advance_alone(time, error)
+      return
+    end if
+    ! Both runs are compared at even times, too, whatever states are written.
+    interval = this%scene%time%end/comparisons
+    do
+      next = min(time, interval*(floor(this%time/interval*(1 + 1.0e-12_wp)) + 1))
+      if (time - next < 1.0e-9_wp*interval) next = time
+      call this%advance_alone(next, error)
+      ! What pauses amid an interval leaves the coarser run behind.
+      if (this%time < next) return
+      if (allocated(error) .and. .not. interrupted()) return
+      call this%advance_coarser(coarser_error)
+      if (allocated(coarser_error)) call move_alloc(coarser_error, error)
+      if (allocated(error) .or. .not. next < time) return
+    end do
+  end subroutine advance_to
+
+  !> Step to a time, without the coarser run.
+  subroutine advance_alone(this, time, error)
+    class(simulation_t), intent(inout) :: this
+    !> Time to reach, s
+    real(wp), intent(in) :: time
+    !> The numbers went wrong
+    type(error_t), allocatable, intent(out) :: error
 
     if (allocated(this%motion)) then
       call this%advance_moving(time, error)
@@ -984,24 +1020,28 @@ contains
     else
       call this%advance_resting(time, error)
     end if
-    ! What pauses amid an interval leaves the coarser run behind.
-    if (.not. allocated(this%coarser) .or. this%time < time) return
-    if (allocated(error) .and. .not. interrupted()) return
-    call this%advance_coarser(coarser_error)
-    if (allocated(coarser_error)) call move_alloc(coarser_error, error)
-  end subroutine advance_to
+  end subroutine advance_alone
 
-  !> Bring the coarser run to the present time.
+  !> Bring the coarser run to the present time, and compare.
   recursive subroutine advance_coarser(this, error)
     class(simulation_t), intent(inout) :: this
     !> The numbers went wrong
     type(error_t), allocatable, intent(out) :: error
+    real(wp), allocatable :: difference(:)
 
     call this%stopwatch%start('error estimate')
+    allocate (difference(size(this%temperature)))
     select type (coarser => this%coarser)
     type is (simulation_t)
       call coarser%advance_to(this%time, error)
+      call interpolate_field(coarser%cloud%x, coarser%cloud%y, coarser%temperature, &
+                             coarser%cloud%spacing, 1, this%cloud%x, this%cloud%y, difference)
     end select
+    if (.not. allocated(error)) then
+      difference = this%temperature - difference
+      call this%conduction%clear_prescribed(difference)
+      call this%deviation%note(difference, this%liquid_fraction(), this%cloud%area)
+    end if
     call this%stopwatch%stop()
     if (allocated(error)) error%message = coarser_run//error%message
   end subroutine advance_coarser
@@ -1288,23 +1328,14 @@ contains
     answer = allocated(this%estimate) .or. allocated(this%coarser)
   end function estimates_error
 
-  !> The error of each temperature: what is carried along is that of the unknown.
-  !>
-  !> Where something melts the front lies anywhere between particles, and errors are of first order:
-  !> those of the coarser run are about twice as large.
+  !> The error of each temperature: what is carried along is that of the unknown. Where something
+  !> melts, the root of its mean square while a front passes a particle.
   function error_estimate(this) result(deviation)
     class(simulation_t), intent(in) :: this
     real(wp), allocatable :: deviation(:)
 
     if (allocated(this%coarser)) then
-      allocate (deviation(size(this%temperature)))
-      select type (coarser => this%coarser)
-      type is (simulation_t)
-        call interpolate_field(coarser%cloud%x, coarser%cloud%y, coarser%temperature, &
-                               coarser%cloud%spacing, 1, this%cloud%x, this%cloud%y, deviation)
-      end select
-      deviation = this%temperature - deviation
-      call this%conduction%clear_prescribed(deviation)
+      deviation = this%deviation%error(size(this%temperature))
       return
     end if
     deviation = this%estimate%error
