@@ -39,6 +39,7 @@ contains
                 new_unittest('streamed rows are the operator', test_streamed), &
                 new_unittest('streamed rows leave constants steady to the last bit', &
                              test_constants), &
+                new_unittest('streamed rows have neighbours at any distance', test_far), &
                 new_unittest('rows with a diagonal of their own are not streamed', test_refused), &
                 new_unittest('a stage in one sweep is the stage in parts', test_stage), &
                 new_unittest('weights in single precision round each weight once', test_short), &
@@ -257,6 +258,43 @@ contains
     call rows%apply(1.0_wp, u, found)
     call check(error, maxval(abs(found)), 0.0_wp)
   end subroutine test_constants
+
+  !> Numbers differ by what two bytes hold, by one more, by as much as there is, and the last slice
+  !> is not full.
+  subroutine test_far(error)
+    type(test_error), allocatable, intent(out) :: error
+    integer, parameter :: particles = 140003, neighbours = 8
+    integer, parameter :: distance(neighbours) = [1, 2, 32000, 32767, 32768, 32769, 65536, 70001]
+    type(sparse_operator_t) :: operator
+    type(streamed_rows_t) :: rows
+    real(wp), allocatable :: u(:), found(:), expected(:)
+    integer :: k, row
+
+    operator%target = [(int(k, ip), k=1, particles)]
+    operator%first = [(int(neighbours, i8)*k + 1, k=0, particles)]
+    allocate (operator%index(neighbours*particles), operator%weight(neighbours*particles))
+    allocate (operator%diagonal(particles), u(particles), found(particles), expected(particles))
+    do row = 1, particles
+      u(row) = random_uniform(3, int(row, i8))
+      associate (last => neighbours*row, first => neighbours*(row - 1) + 1)
+        operator%index(first:last) = 1 + modulo(row - 1 + distance*(-1)**row, particles)
+        operator%weight(first:last) = [(random_uniform(2, int(k, i8)), k=first, last)]
+        operator%diagonal(row) = -sum(operator%weight(first:last))
+      end associate
+    end do
+    call rows%lay_out(operator, particles)
+    call check(error, rows%stands_for(operator))
+    if (allocated(error)) return
+    expected = 0
+    call operator%apply_at_targets(1.0_wp, u, expected)
+    call rows%apply(1.0_wp, u, found)
+    ! Sums of 8 numbers below one and of a diagonal of up to 8, each rounded
+    call check(error, maxval(abs(found - expected)) < 20*epsilon(1.0_wp)*8)
+    if (allocated(error)) return
+    u = 1/3.0_wp
+    call rows%apply(1.0_wp, u, found)
+    call check(error, maxval(abs(found)), 0.0_wp)
+  end subroutine test_far
 
   subroutine test_refused(error)
     type(test_error), allocatable, intent(out) :: error

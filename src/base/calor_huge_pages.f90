@@ -5,7 +5,7 @@
 !> as filling them.
 module calor_huge_pages
   use, intrinsic :: iso_c_binding, only: c_int, c_intptr_t, c_loc, c_ptr, c_size_t
-  use calor_kinds, only: wp, sp, ip, i8
+  use calor_kinds, only: wp, sp, ip, i2, i8
   implicit none (type, external)
   private
 
@@ -16,6 +16,7 @@ module calor_huge_pages
   !> A wish only: small arrays are left alone, and systems that know no huge pages ignore it.
   interface prefer_huge_pages
     module procedure prefer_for_particles
+    module procedure prefer_for_differences
     module procedure prefer_for_counters
     module procedure prefer_for_reals
     module procedure prefer_for_short_reals
@@ -47,6 +48,13 @@ contains
 
     call advise(c_loc(array), size(array, kind=c_size_t)*storage_size(array)/8)
   end subroutine prefer_for_particles
+
+  subroutine prefer_for_differences(array)
+    !> Any array
+    integer(i2), intent(in), contiguous, target :: array(:)
+
+    call advise(c_loc(array), size(array, kind=c_size_t)*storage_size(array)/8)
+  end subroutine prefer_for_differences
 
   subroutine prefer_for_counters(array)
     !> Any array

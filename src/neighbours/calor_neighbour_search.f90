@@ -318,7 +318,7 @@ contains
     real(wp) :: r, reach
     integer(i8) :: column, row_of_cells
     integer, allocatable :: counted(:)
-    integer :: k, last, other, own, used, written
+    integer :: k, last, other, used, written
 
     allocate (found(batch))
     if (.not. present(index)) allocate (counted(from:to))
@@ -354,9 +354,7 @@ contains
           r = radius_of(k)
           call mark_within(candidates%number, candidates%x, candidates%y, x(k), &
                            y(k), r*r, candidates%mark)
-          own = place_in(candidates%particle(:candidates%number), particle(k))
-          call unmark(candidates%mark, own)
-          call append_marked(candidates, found, used)
+          call append_marked(candidates, particle(k), found, used)
         end do
       else
         do k = k, last
@@ -428,17 +426,6 @@ contains
     end do
   end subroutine mark_within
 
-  !> Take a mark back.
-  pure subroutine unmark(mark, place)
-    integer(i8), intent(inout) :: mark(:)
-    !> Whose mark
-    integer, intent(in) :: place
-
-    associate (word => mark((place - 1)/bits + 1))
-      word = ibclr(word, mod(place - 1, bits))
-    end associate
-  end subroutine unmark
-
   pure function number_marked(candidates) result(number)
     type(candidates_t), intent(in) :: candidates
     integer :: number
@@ -450,9 +437,11 @@ contains
     end do
   end function number_marked
 
-  !> Append the marked particles.
-  pure subroutine append_marked(candidates, found, used)
+  !> Append the marked particles but one.
+  pure subroutine append_marked(candidates, own, found, used)
     type(candidates_t), intent(in) :: candidates
+    !> The particle that is not its own neighbour
+    integer(ip), intent(in) :: own
     !> With room for all candidates
     integer(ip), intent(inout), contiguous :: found(:)
     !> Number of particles in `found`
@@ -466,13 +455,14 @@ contains
       ! processor has to wait for its number
       left = ibclr(candidates%mark(k), bits - 1)
       do while (left /= 0)
-        used = used + 1
-        found(used) = candidates%particle(before + trailz(left) + 1)
+        ! The next one overwrites what is not counted: no branch that would be guessed wrongly
+        found(used + 1) = candidates%particle(before + trailz(left) + 1)
+        used = used + merge(1, 0, found(used + 1) /= own)
         left = iand(left, left - 1)
       end do
       if (candidates%mark(k) < 0) then
-        used = used + 1
-        found(used) = candidates%particle(before + bits)
+        found(used + 1) = candidates%particle(before + bits)
+        used = used + merge(1, 0, found(used + 1) /= own)
       end if
     end do
   end subroutine append_marked
@@ -564,18 +554,44 @@ contains
     !> First and last bucket
     integer(ip), intent(in) :: from, to
     type(candidates_t), intent(inout) :: candidates
-    integer :: number, place
+    integer :: first, number, taken
 
-    number = candidates%number
-    call reserve(candidates, number + cells%first(to + 1) - cells%first(from))
-    do place = cells%first(from), cells%first(to + 1) - 1
-      number = number + 1
-      candidates%raw_particle(number) = cells%particle(place)
-      candidates%raw_x(number) = cells%x(place)
-      candidates%raw_y(number) = cells%y(place)
-    end do
-    candidates%number = number
+    first = cells%first(from)
+    number = cells%first(to + 1) - first
+    call reserve(candidates, candidates%number + number + lanes)
+    ! Whole blocks where there are any: what is too much is overwritten by what comes next
+    taken = lanes*((number + lanes - 1)/lanes)
+    if (first + taken - 1 > size(cells%x)) taken = number
+    associate (kept => candidates%number)
+      call copy(taken, cells%particle(first:), cells%x(first:), cells%y(first:), &
+                candidates%raw_particle(kept + 1:), candidates%raw_x(kept + 1:), &
+                candidates%raw_y(kept + 1:))
+      kept = kept + number
+    end associate
   end subroutine take_buckets
+
+  !> Copy whole blocks of particles, or any other number.
+  pure subroutine copy(number, particle, x, y, particle_copy, x_copy, y_copy)
+    integer, intent(in) :: number
+    integer(ip), intent(in) :: particle(number)
+    real(wp), intent(in) :: x(number), y(number)
+    integer(ip), intent(inout) :: particle_copy(number)
+    real(wp), intent(inout) :: x_copy(number), y_copy(number)
+    integer :: block, k, lane
+
+    do block = 0, number - lanes, lanes
+      do lane = 1, lanes
+        particle_copy(block + lane) = particle(block + lane)
+        x_copy(block + lane) = x(block + lane)
+        y_copy(block + lane) = y(block + lane)
+      end do
+    end do
+    do k = lanes*(number/lanes) + 1, number
+      particle_copy(k) = particle(k)
+      x_copy(k) = x(k)
+      y_copy(k) = y(k)
+    end do
+  end subroutine copy
 
   !> Append the particles of those buckets of a range that were not in an earlier range.
   pure subroutine take_new_buckets(cells, from, to, candidates)
@@ -727,21 +743,6 @@ contains
       end if
     end do
   end subroutine merge_two
-
-  !> Where a number stands in an ascending sequence that contains it.
-  pure function place_in(sequence, number) result(place)
-    integer(ip), intent(in), contiguous :: sequence(:)
-    integer(ip), intent(in) :: number
-    integer :: place
-    integer :: k
-
-    ! No bisection, as each of its steps would be guessed wrongly half the time
-    place = 1
-    !$omp simd reduction(+: place)
-    do k = 1, size(sequence)
-      place = place + merge(1, 0, sequence(k) < number)
-    end do
-  end function place_in
 
   !> Make sure that so many candidates fit, and keep those that are there unsorted.
   pure subroutine reserve(candidates, most)

@@ -4,20 +4,23 @@
 !> vector instruction works on eight rows, and one loop of fixed length takes the place of eight
 !> short ones of lengths that no processor can guess. Within windows of 32 particles rows are
 !> sorted by length, so that little is filled up; what still sticks out, as of a few long rows
-!> beside a wall, is appended to the slice. The sum of a row is Σ a_ij (u_j - u_i): the diagonal is
-!> not stored, and constants are steady to the last bit. Every particle has a row; those without
-!> weights have an empty one. (Sliced ELLPACK: M. Kreutzer, G. Hager, G. Wellein, H. Fehske,
-!> A.R. Bishop, SIAM J. Sci. Comput. 36 (2014) C401–C423.)
+!> beside a wall, is appended to the slice. Particles that are near each other have numbers that are
+!> near each other, along Hilbert's curve nearly all: two bytes tell where a neighbour is from its
+!> slice, and those too far away for that are appended as well. The sum of a row is Σ a_ij (u_j -
+!> u_i): the diagonal is not stored, and constants are steady to the last bit. Every particle has a
+!> row; those without weights have an empty one. (Sliced ELLPACK: M. Kreutzer, G. Hager, G. Wellein,
+!> H. Fehske, A.R. Bishop, SIAM J. Sci. Comput. 36 (2014) C401–C423.)
 !>
-!> The sums are those of `sparse_operator_t`, taken in the same order whatever the number of
-!> threads. On large clouds a sweep takes as long as its bytes take from memory, most of which are
-!> weights: they may be kept as single precision numbers. Products and sums have double precision
-!> all the same, and constants stay steady.
+!> The sums are those of `sparse_operator_t` up to rounding, taken in one order whatever the number
+!> of threads. On large clouds a sweep takes as long as its bytes take from memory. Most of these
+!> are weights: they may be kept as single precision numbers. Products and sums have double
+!> precision all the same, and constants stay steady.
 module calor_streamed_rows
   use calor_constants, only: worth_threads
   use calor_huge_pages, only: prefer_huge_pages
-  use calor_kinds, only: wp, sp, ip, i8
+  use calor_kinds, only: wp, sp, ip, i2, i8
   use calor_sparse_operator, only: sparse_operator_t
+  use omp_lib, only: omp_get_max_threads
   implicit none (type, external)
   private
 
@@ -25,6 +28,10 @@ module calor_streamed_rows
 
   !> Rows of a slice, and particles among which rows are sorted by length
   integer, parameter :: lanes = 8, window = 32
+  !> What the sum of a row is added to: nothing, two stages, or these and a step's start
+  integer, parameter :: sum_alone = 0, with_stages = 1, with_start = 2
+  !> So many consecutive particles a slice may have neighbours among, by two bytes each
+  integer, parameter :: reach = 2**bit_size(0_i2)
   !> An entry that sticks out costs as much as so many in a slice
   integer, parameter :: cost_of_overflow = 3
   !> A row whose weights do not sum to zero, in units of their magnitudes, has a diagonal of its own
@@ -37,17 +44,19 @@ module calor_streamed_rows
     !> The operator that this was made from had so many rows and entries
     integer :: source_rows = -1
     integer(i8) :: source_entries = -1
-    !> The particle in each lane of each slice; 0: none, in the last slice only
+    !> The particle in each lane of each slice; where there is none, in the last slice, any
     integer(ip), allocatable :: particle(:)
     !> Entries, in units of `lanes`, that lie before a slice; one element more than slices
     integer(i8), allocatable :: before(:)
-    integer(ip), allocatable :: index(:)
+    !> Neighbours, counted from -reach/2 at the first one in the reach of a slice
+    integer(i2), allocatable :: index(:)
     !> Weights, in one precision or the other, in units of `scale`
     real(wp), allocatable :: weight(:)
     real(sp), allocatable :: short_weight(:)
     !> A power of 2 that keeps weights in the range of single precision; else 1
     real(wp) :: scale = 1.0_wp
-    !> What sticks out of the slices: how much lies before each slice, and lane, index and weight
+    !> What sticks out of the slices or lies out of their reach: how much lies before each slice,
+    !> and lane, neighbour and weight
     integer(i8), allocatable :: over_before(:)
     integer(ip), allocatable :: over_lane(:), over_index(:)
     real(wp), allocatable :: over_weight(:)
@@ -78,11 +87,11 @@ contains
     logical, intent(in), optional :: single
     integer(ip), allocatable :: row_of(:)
     logical :: short, balanced
-    integer, allocatable :: length(:)
+    integer, allocatable :: length(:), near(:)
     integer :: row, slice
 
     allocate (row_of(particles), source=0_ip)
-    allocate (length(particles), source=0)
+    allocate (length(particles), near(particles), source=0)
     do row = 1, operator%rows()
       associate (particle => operator%target(row))
         if (row_of(particle) > 0) return
@@ -95,6 +104,10 @@ contains
     !$omp reduction(.and.: balanced)
     do row = 1, operator%rows()
       balanced = balanced .and. is_balanced(operator, row)
+      associate (particle => operator%target(row), first => operator%first)
+        near(particle) = count(is_near(operator%index(first(row):first(row + 1) - 1), &
+                                       reach_of(particle, particles)))
+      end associate
     end do
     !$omp end parallel do
     if (.not. balanced) return
@@ -102,8 +115,8 @@ contains
     this%slices = (particles + lanes - 1)/lanes
     this%source_rows = operator%rows()
     this%source_entries = size(operator%index, kind=i8)
-    call sort_by_length(this, length)
-    call measure_slices(this, length)
+    call sort_by_length(this, near)
+    call measure_slices(this, length, near)
     associate (entries => lanes*this%before(this%slices + 1), &
                more => this%over_before(this%slices + 1))
       short = .false.
@@ -162,7 +175,7 @@ contains
     integer(ip) :: particle
     integer :: begin, k, place
 
-    allocate (this%particle(lanes*this%slices), source=0_ip)
+    allocate (this%particle(lanes*this%slices), source=int(this%particles, ip))
     do begin = 1, this%particles, window
       do k = begin, min(begin + window - 1, this%particles)
         particle = k
@@ -177,33 +190,57 @@ contains
     end do
   end subroutine sort_by_length
 
-  !> How wide each slice is, and what sticks out of it.
-  pure subroutine measure_slices(this, length)
+  !> The first of the particles that two bytes can tell apart for some particle, and for all others
+  !> in its window.
+  pure function reach_of(particle, particles) result(first)
+    integer, intent(in) :: particle
+    !> How many there are
+    integer, intent(in) :: particles
+    integer :: first
+
+    first = max(1, min(window*((particle - 1)/window) - reach/2, particles - reach + 1))
+  end function reach_of
+
+  !> Whether a particle is in a reach.
+  elemental function is_near(particle, first) result(answer)
+    integer(ip), intent(in) :: particle
+    !> Where the reach begins
+    integer, intent(in) :: first
+    logical :: answer
+
+    answer = particle >= first .and. particle - first < reach
+  end function is_near
+
+  !> How wide each slice is, and what sticks out of it or lies out of its reach.
+  pure subroutine measure_slices(this, length, near)
     type(streamed_rows_t), intent(inout) :: this
-    integer, intent(in) :: length(:)
-    integer :: lengths(lanes), candidate, cost, least, lane, slice, width
+    !> Lengths of rows, and without what lies out of reach
+    integer, intent(in) :: length(:), near(:)
+    integer :: all_near(lanes), candidate, cost, entries, lane, least, slice, width
 
     allocate (this%before(this%slices + 1), this%over_before(this%slices + 1))
     this%before(1) = 0
     this%over_before(1) = 0
     do slice = 1, this%slices
-      lengths = 0
-      do lane = 1, lanes
+      all_near = 0
+      entries = 0
+      do lane = 1, min(lanes, this%particles - lanes*(slice - 1))
         associate (particle => this%particle(lane + lanes*(slice - 1)))
-          if (particle > 0) lengths(lane) = length(particle)
+          all_near(lane) = near(particle)
+          entries = entries + length(particle)
         end associate
       end do
       least = huge(least)
       width = 0
       do candidate = 1, lanes
-        cost = lanes*lengths(candidate) + &
-               cost_of_overflow*sum(max(0, lengths - lengths(candidate)))
+        cost = lanes*all_near(candidate) + &
+               cost_of_overflow*sum(max(0, all_near - all_near(candidate)))
         if (cost >= least) cycle
         least = cost
-        width = lengths(candidate)
+        width = all_near(candidate)
       end do
       this%before(slice + 1) = this%before(slice) + width
-      this%over_before(slice + 1) = this%over_before(slice) + sum(max(0, lengths - width))
+      this%over_before(slice + 1) = this%over_before(slice) + entries - sum(min(width, all_near))
     end do
   end subroutine measure_slices
 
@@ -214,44 +251,57 @@ contains
     integer(ip), intent(in) :: row_of(:)
     integer, intent(in) :: length(:)
     integer, intent(in) :: slice
-    integer(i8) :: from, place, over
-    real(wp) :: weight
+    integer(i8) :: before, from, over
     integer(ip) :: particle
-    integer :: k, lane, width, row_length
+    integer :: entries, first, k, lane, used, width
 
     width = int(this%before(slice + 1) - this%before(slice))
+    before = lanes*this%before(slice)
     over = this%over_before(slice)
+    first = reach_of(lanes*(slice - 1) + 1, this%particles)
     do lane = 1, lanes
       particle = this%particle(lane + lanes*(slice - 1))
-      row_length = 0
-      from = 1
-      if (particle > 0) then
-        row_length = length(particle)
-        if (row_length > 0) from = operator%first(row_of(particle))
-      end if
-      do k = 1, width
-        place = lane + lanes*(this%before(slice) + k - 1)
-        if (k <= row_length) then
-          this%index(place) = operator%index(from + k - 1)
-          weight = operator%weight(from + k - 1)/this%scale
-        else
-          this%index(place) = max(1_ip, particle)
-          weight = 0
-        end if
-        if (allocated(this%weight)) then
-          this%weight(place) = weight
-        else
-          this%short_weight(place) = real(weight, sp)
-        end if
+      entries = 0
+      if (lane + lanes*(slice - 1) <= this%particles) entries = length(particle)
+      from = 0
+      if (entries > 0) from = operator%first(row_of(particle)) - 1
+      used = 0
+      do k = 1, entries
+        associate (neighbour => operator%index(from + k), &
+                   weight => operator%weight(from + k)/this%scale)
+          if (used < width .and. is_near(neighbour, first)) then
+            used = used + 1
+            call put_entry(this, before + lanes*(used - 1) + lane, neighbour - first, weight)
+          else
+            over = over + 1
+            this%over_lane(over) = lane
+            this%over_index(over) = neighbour
+            this%over_weight(over) = weight
+          end if
+        end associate
       end do
-      do k = width + 1, row_length
-        over = over + 1
-        this%over_lane(over) = lane
-        this%over_index(over) = operator%index(from + k - 1)
-        this%over_weight(over) = operator%weight(from + k - 1)/this%scale
+      do k = used + 1, width
+        call put_entry(this, before + lanes*(k - 1) + lane, particle - first, 0.0_wp)
       end do
     end do
+
   end subroutine fill_slice
+
+  pure subroutine put_entry(this, place, index, weight)
+    type(streamed_rows_t), intent(inout) :: this
+    !> Where in the arrays
+    integer(i8), intent(in) :: place
+    !> How far the neighbour lies behind the beginning of the reach
+    integer, intent(in) :: index
+    real(wp), intent(in) :: weight
+
+    this%index(place) = int(index - reach/2, i2)
+    if (allocated(this%weight)) then
+      this%weight(place) = weight
+    else
+      this%short_weight(place) = real(weight, sp)
+    end if
+  end subroutine put_entry
 
   pure function stands_for(this, operator) result(answer)
     class(streamed_rows_t), intent(in) :: this
@@ -271,20 +321,11 @@ contains
     real(wp), intent(in), contiguous :: u(:)
     !> Field over all particles
     real(wp), intent(inout), contiguous :: derivative(:)
-    real(wp) :: total(lanes), own(lanes), scaled
-    integer :: slice, lane, last
+    real(wp) :: c(5)
 
-    scaled = factor*this%scale
-    !$omp parallel do if (this%particles > worth_threads) schedule(static) default(shared) &
-    !$omp private(slice, lane, last, total, own)
-    do slice = 1, this%slices
-      last = min(lanes, this%particles - lanes*(slice - 1))
-      call sum_slice(this, slice, last, u, own, total)
-      do lane = 1, last
-        derivative(this%particle(lane + lanes*(slice - 1))) = scaled*total(lane)
-      end do
-    end do
-    !$omp end parallel do
+    c = 0
+    c(5) = factor
+    call sweep(this, sum_alone, c, u, derivative, u, u)
   end subroutine apply
 
   !> older ← c₁ newer + c₂ older + c₅ A newer, and where they are given + c₃ start + c₄ rate_start
@@ -296,71 +337,140 @@ contains
     real(wp), intent(in), contiguous :: newer(:)
     real(wp), intent(inout), contiguous :: older(:)
     real(wp), intent(in), contiguous, optional :: start(:), rate_start(:)
-    real(wp) :: total(lanes), own(lanes), scaled
-    integer :: i, slice, lane, last
-    logical :: with_start
 
-    scaled = c(5)*this%scale
-
-    with_start = present(start) .and. present(rate_start)
-    !$omp parallel do if (this%particles > worth_threads) schedule(static) default(shared) &
-    !$omp private(slice, lane, last, total, own, i)
-    do slice = 1, this%slices
-      last = min(lanes, this%particles - lanes*(slice - 1))
-      call sum_slice(this, slice, last, newer, own, total)
-      if (with_start) then
-        do lane = 1, last
-          i = this%particle(lane + lanes*(slice - 1))
-          older(i) = c(1)*own(lane) + c(2)*older(i) + c(3)*start(i) + c(4)*rate_start(i) + &
-                     scaled*total(lane)
-        end do
-      else
-        do lane = 1, last
-          i = this%particle(lane + lanes*(slice - 1))
-          older(i) = c(1)*own(lane) + c(2)*older(i) + scaled*total(lane)
-        end do
-      end if
-    end do
-    !$omp end parallel do
+    if (present(start) .and. present(rate_start)) then
+      call sweep(this, with_start, c, newer, older, start, rate_start)
+    else
+      call sweep(this, with_stages, c, newer, older, newer, newer)
+    end if
   end subroutine combine
 
-  !> Σ a_ij (u_j - u_i) of the rows of a slice, in units of the weights' scale, and their u_i.
-  pure subroutine sum_slice(this, slice, last, u, own, total)
+  !> All slices, a part of them on each thread.
+  subroutine sweep(this, terms, c, newer, older, start, rate_start)
     type(streamed_rows_t), intent(in) :: this
-    !> The slice, and its last lane in use
-    integer, intent(in) :: slice, last
-    real(wp), intent(in), contiguous :: u(:)
-    real(wp), intent(out) :: own(lanes), total(lanes)
-    integer(i8) :: k, entry
-    integer :: lane
+    !> What the sums are added to
+    integer, intent(in) :: terms
+    !> The five factors of `combine`
+    real(wp), intent(in) :: c(5)
+    real(wp), intent(in), contiguous :: newer(:), start(:), rate_start(:)
+    real(wp), intent(inout), contiguous :: older(:)
+    integer :: part, parts
 
-    own = 0
-    do lane = 1, last
-      own(lane) = u(this%particle(lane + lanes*(slice - 1)))
+    parts = omp_get_max_threads()
+    !$omp parallel do if (this%particles > worth_threads) schedule(static) default(shared)
+    do part = 1, parts
+      call sweep_part(this, 1 + int((part - 1)*int(this%slices, i8)/parts), &
+                      int(part*int(this%slices, i8)/parts), terms, [c(:4), c(5)*this%scale], &
+                      this%particles, newer, older, start, rate_start)
     end do
-    total = 0
-    if (allocated(this%weight)) then
-      do k = lanes*this%before(slice), lanes*this%before(slice + 1) - lanes, lanes
-        !$omp simd
-        do lane = 1, lanes
-          total(lane) = total(lane) + this%weight(k + lane)*(u(this%index(k + lane)) - own(lane))
-        end do
+    !$omp end parallel do
+  end subroutine sweep
+
+  !> Some slices. Arrays of given shape, here and below, have no strides to reckon with.
+  pure subroutine sweep_part(this, from, to, terms, c, particles, newer, older, start, rate_start)
+    type(streamed_rows_t), intent(in) :: this
+    !> First and last of them
+    integer, intent(in) :: from, to
+    integer, intent(in) :: terms
+    !> The five factors, the last one in units of the weights' scale
+    real(wp), intent(in) :: c(5)
+    integer, intent(in) :: particles
+    real(wp), intent(in) :: newer(particles), start(particles), rate_start(particles)
+    real(wp), intent(inout) :: older(particles)
+    real(wp) :: own(lanes), total(lanes)
+    integer(i8) :: before, entry
+    integer :: i, in_reach, lane, near, own_before, rows, slice, width
+
+    do slice = from, to
+      own_before = lanes*(slice - 1)
+      do lane = 1, lanes
+        own(lane) = newer(this%particle(own_before + lane))
       end do
-    else
-      do k = lanes*this%before(slice), lanes*this%before(slice + 1) - lanes, lanes
-        !$omp simd
-        do lane = 1, lanes
-          total(lane) = total(lane) + real(this%short_weight(k + lane), wp)* &
-                        (u(this%index(k + lane)) - own(lane))
-        end do
+      before = lanes*this%before(slice)
+      width = int(this%before(slice + 1) - this%before(slice))
+      near = reach_of(own_before + 1, particles)
+      in_reach = min(reach, particles - near + 1)
+      if (allocated(this%weight)) then
+        call sum_near(width, this%index(before + 1:), this%weight(before + 1:), in_reach, &
+                      newer(near), own, total)
+      else
+        call sum_near_short(width, this%index(before + 1:), this%short_weight(before + 1:), &
+                            in_reach, newer(near), own, total)
+      end if
+      do entry = this%over_before(slice) + 1, this%over_before(slice + 1)
+        associate (l => this%over_lane(entry))
+          total(l) = total(l) + this%over_weight(entry)*(newer(this%over_index(entry)) - own(l))
+        end associate
       end do
-    end if
-    do entry = this%over_before(slice) + 1, this%over_before(slice + 1)
-      associate (l => this%over_lane(entry))
-        total(l) = total(l) + this%over_weight(entry)*(u(this%over_index(entry)) - own(l))
-      end associate
+      rows = min(lanes, particles - own_before)
+      select case (terms)
+      case (with_start)
+        do lane = 1, rows
+          i = this%particle(own_before + lane)
+          older(i) = c(1)*own(lane) + c(2)*older(i) + c(3)*start(i) + c(4)*rate_start(i) + &
+                     c(5)*total(lane)
+        end do
+      case (with_stages)
+        do lane = 1, rows
+          i = this%particle(own_before + lane)
+          older(i) = c(1)*own(lane) + c(2)*older(i) + c(5)*total(lane)
+        end do
+      case default
+        do lane = 1, rows
+          older(this%particle(own_before + lane)) = c(5)*total(lane)
+        end do
+      end select
     end do
-  end subroutine sum_slice
+  end subroutine sweep_part
+
+  !> What entries within reach add to the rows of a slice.
+  pure subroutine sum_near(width, index, weight, in_reach, near, own, total)
+    integer, intent(in) :: width
+    integer(i2), intent(in) :: index(lanes, width)
+    real(wp), intent(in) :: weight(lanes, width)
+    !> How many particles are in reach, and the field at these
+    integer, intent(in) :: in_reach
+    real(wp), intent(in) :: near(-reach/2:in_reach - reach/2 - 1)
+    real(wp), intent(in) :: own(lanes)
+    real(wp), intent(out) :: total(lanes)
+    real(wp) :: sums(lanes), subtracted(lanes)
+    integer :: k, lane
+
+    ! Arrays of its own are kept in the registers of the vector units
+    sums = 0
+    subtracted = own
+    do k = 1, width
+      do lane = 1, lanes
+        sums(lane) = sums(lane) + weight(lane, k)*(near(index(lane, k)) - subtracted(lane))
+      end do
+    end do
+    total = sums
+  end subroutine sum_near
+
+  !> The same with weights in single precision.
+  pure subroutine sum_near_short(width, index, weight, in_reach, near, own, total)
+    integer, intent(in) :: width
+    integer(i2), intent(in) :: index(lanes, width)
+    real(sp), intent(in) :: weight(lanes, width)
+    !> How many particles are in reach, and the field at these
+    integer, intent(in) :: in_reach
+    real(wp), intent(in) :: near(-reach/2:in_reach - reach/2 - 1)
+    real(wp), intent(in) :: own(lanes)
+    real(wp), intent(out) :: total(lanes)
+    real(wp) :: sums(lanes), subtracted(lanes)
+    integer :: k, lane
+
+    ! Arrays of its own are kept in the registers of the vector units
+    sums = 0
+    subtracted = own
+    do k = 1, width
+      do lane = 1, lanes
+        sums(lane) = sums(lane) + &
+                     real(weight(lane, k), wp)*(near(index(lane, k)) - subtracted(lane))
+      end do
+    end do
+    total = sums
+  end subroutine sum_near_short
 
   pure function bytes(this) result(number)
     class(streamed_rows_t), intent(in) :: this

@@ -14,7 +14,7 @@ module calor_method_choice
   use calor_error, only: error_t
   use calor_evolution, only: evolution_t
   use calor_exponential, only: exponential_terms, find_roundness, longest_series, part_left, &
-                               trial_terms, useful_roundness
+                               part_off_axis, trial_terms, useful_roundness, widening
   use calor_integrators, only: make_integrator
   use calor_kinds, only: wp
   use calor_stepper, only: stepper_t
@@ -41,6 +41,9 @@ module calor_method_choice
   real(wp), parameter :: fill = 0.5_wp, operations = 6.0_wp
   !> Steps of the trial, and the fewest steps that any run of second order takes
   integer, parameter :: pilot_steps = 12, fewest_steps = 4
+  !> It goes on until it has taken that part of the products foreseen, by halves of these steps
+  real(wp), parameter :: pilot_part = 0.05_wp
+  integer, parameter :: most_chunks = 100
   !> Where something changes with time the trial goes on by half as many steps, so often at most,
   !> until they grow by less than that meanwhile
   integer, parameter :: most_settling = 8
@@ -48,9 +51,9 @@ module calor_method_choice
   !> The power of time with which steps grow while a jump spreads: the root mean square of the third
   !> derivative is ∫ (k⁵ exp(-k² t))² dk to the power 1/2 then, which goes with t^(-11/4)
   real(wp), parameter :: spreading_power = 11.0_wp/12
-  !> Steps of TR-BDF2 against those of RKL2: its errors are smaller, and its steps grow by leaps;
-  !> and where a jump spreads. Both are measured
-  real(wp), parameter :: fewer = 0.9_wp, smoother = 0.5_wp
+  !> Steps of TR-BDF2 against those of RKL2: its errors are smaller, and its steps grow by leaps.
+  !> Measured
+  real(wp), parameter :: fewer = 0.9_wp
   !> New factors that steps of growing length take
   integer, parameter :: usual_factorisations = 6
 
@@ -65,6 +68,8 @@ module calor_method_choice
     !> Error that a step may make, and the rate at the start times the duration, both root mean
     !> square
     real(wp) :: tolerance = 0.0_wp, scale = 1.0_wp
+    !> What part of the rate at the start may lie off the real axis
+    real(wp) :: rough_part = 1.0_wp
     !> The slowest decay, 1/s; 0: not known
     real(wp) :: slowest = 0.0_wp
     !> Whether the exponential propagator and TR-BDF2 can integrate it
@@ -119,7 +124,9 @@ contains
     type(method_choice_t), intent(out) :: choice
     type(pilot_t) :: pilot
     type(method_cost_t) :: exponential, bound
-    real(wp) :: roundness, least, steps
+    type(problem_t) :: known
+    real(wp) :: roundness, least, steps, stable
+    real(wp), allocatable :: rate(:)
     integer :: trials
 
     allocate (choice%costs(0))
@@ -134,7 +141,12 @@ contains
       trials = trials_of(problem)
       if (trials > 0) then
         call find_roundness(evolution, problem%spectral_radius, trials, roundness)
-        exponential = exponential_cost(problem, roundness)
+        known = problem
+        allocate (rate(size(state)))
+        call evolution%rate(0.0_wp, state, rate)
+        call evolution%clear_prescribed(rate)
+        known%rough_part = part_off_axis(evolution, problem%spectral_radius, rate)
+        exponential = exponential_cost(known, roundness)
       end if
       choice%costs = [exponential]
       if (exponential%seconds <= least) then
@@ -153,10 +165,13 @@ contains
     end if
     call run_pilot(problem, evolution, stepper, state, pilot)
     steps = steps_ahead(problem, pilot)
-    choice%costs = [choice%costs, rkl2_cost(problem, steps + problem%duration/pilot%longest)]
+    ! Steps as long as are stable come on top of those as long as the tolerance allows.
+    stable = 0
+    if (pilot%longest < 0.999_wp*longest_ahead(problem, pilot)) then
+      stable = problem%duration/pilot%longest
+    end if
+    choice%costs = [choice%costs, rkl2_cost(problem, steps + stable)]
     if (problem%implicit) then
-      ! What spreads from a jump is smoother to a method that damps it.
-      if (pilot%age < 0.1_wp*problem%duration) steps = smoother*steps
       choice%costs = [choice%costs, tr_bdf2_cost(problem, fewer*steps)]
     end if
     call sort(choice%costs)
@@ -186,30 +201,51 @@ contains
     type(stepper_t) :: trial
     type(error_t), allocatable :: error
     real(wp), allocatable :: u(:)
-    real(wp) :: middle, middle_step, ratio
+    type(method_cost_t) :: ahead
+    real(wp) :: times(most_chunks), steps(most_chunks), ratio
+    integer :: chunk
 
     trial = stepper
     u = state
     ! Steps are as long as they would be on the way to the end, not to the first output.
-    call trial%advance_to(evolution, pilot%time, problem%duration, u, error, &
-                          at_most=pilot_steps/2)
-    middle = pilot%time
-    middle_step = trial%next_proposal()
-    if (.not. allocated(error) .and. pilot%time < problem%duration) then
+    chunk = 0
+    do
+      chunk = chunk + 1
       call trial%advance_to(evolution, pilot%time, problem%duration, u, error, &
                             at_most=pilot_steps/2)
+      pilot%steps = trial%steps
+      pilot%step = trial%next_proposal()
+      times(chunk) = pilot%time
+      steps(chunk) = pilot%step
+      if (allocated(error) .or. .not. pilot%time < problem%duration) exit
+      if (chunk == 1) cycle
+      call find_age()
+      if (chunk == most_chunks) exit
+      ahead = rkl2_cost(problem, steps_ahead(problem, pilot))
+      if (trial%integrator%evaluations > pilot_part*ahead%products) exit
+    end do
+    if (problem%changing) then
+      call settle()
+      pilot%steps = trial%steps
+      pilot%step = trial%next_proposal()
     end if
-    if (problem%changing) call settle()
-    pilot%steps = trial%steps
-    pilot%step = trial%next_proposal()
-    pilot%longest = problem%duration
+    ! The longest step comes last.
+    pilot%longest = longest_ahead(problem, pilot)
     call trial%integrator%shorten_step(evolution, problem%spectral_radius, pilot%longest)
-    if (.not. (pilot%time > middle .and. pilot%step > 1.001_wp*middle_step)) return
-    ! Δt₁/Δt₂ = ((t₁ + age)/(t₂ + age))^power
-    ratio = (pilot%step/middle_step)**(1/spreading_power)
-    pilot%age = max(0.0_wp, (pilot%time - ratio*middle)/(ratio - 1))
 
   contains
+
+    !> From the step now and at half that time, or as near to that as is known
+    subroutine find_age()
+      integer :: k
+
+      k = max(1, count(times(:chunk) <= 0.5_wp*pilot%time))
+      pilot%age = huge(pilot%age)
+      if (.not. (pilot%time > times(k) .and. pilot%step > 1.001_wp*steps(k))) return
+      ! Δt₁/Δt₂ = ((t₁ + age)/(t₂ + age))^power
+      ratio = (pilot%step/steps(k))**(1/spreading_power)
+      pilot%age = max(0.0_wp, (pilot%time - ratio*times(k))/(ratio - 1))
+    end subroutine find_age
 
     !> Go on until steps are no longer those of the start, but those that the changes allow.
     subroutine settle()
@@ -242,9 +278,8 @@ contains
       steps = steps + (problem%duration - pilot%time)/pilot%step
       return
     end if
-    turn = problem%duration
     growth = problem%slowest/3
-    if (growth > 0) turn = min(turn, max(pilot%time, spreading_power/growth - pilot%age))
+    turn = turn_to_decay(problem, pilot)
     ! ∫ dt/Δt, Δt = step ((t + age)/(time + age))^power
     age = max(pilot%time + pilot%age, tiny(age)**0.25_wp)
     step = pilot%step*((turn + pilot%age)/age)**spreading_power
@@ -254,6 +289,34 @@ contains
       steps = steps + (1 - exp(-min(700.0_wp, growth*(problem%duration - turn))))/(growth*step)
     end if
   end function steps_ahead
+
+  !> The step with which that run ends, s
+  pure function longest_ahead(problem, pilot) result(step)
+    type(problem_t), intent(in) :: problem
+    type(pilot_t), intent(in) :: pilot
+    real(wp) :: step
+    real(wp) :: turn
+
+    step = min(pilot%step, problem%duration)
+    if (problem%changing .or. .not. pilot%age < 1.0e3_wp*problem%duration .or. &
+        .not. pilot%time < problem%duration) return
+    turn = turn_to_decay(problem, pilot)
+    step = pilot%step*((turn + pilot%age)/(pilot%time + pilot%age))**spreading_power* &
+           exp(min(100.0_wp, problem%slowest/3*(problem%duration - turn)))
+    step = min(step, problem%duration/problem%parts)
+  end function longest_ahead
+
+  !> From when on the slowest mode decides, s
+  pure function turn_to_decay(problem, pilot) result(turn)
+    type(problem_t), intent(in) :: problem
+    type(pilot_t), intent(in) :: pilot
+    real(wp) :: turn
+
+    turn = problem%duration
+    if (problem%slowest > 0) then
+      turn = min(turn, max(pilot%time, 3*spreading_power/problem%slowest - pilot%age))
+    end if
+  end function turn_to_decay
 
   !> Steps of RKL2, each with as many stages as it needs.
   pure function rkl2_cost(problem, steps) result(cost)
@@ -295,13 +358,19 @@ contains
     type(problem_t), intent(in) :: problem
     real(wp), intent(in) :: roundness
     type(method_cost_t) :: cost
-    real(wp) :: decay
+    real(wp) :: decay, useful
 
     cost%name = 'exponential'
     cost%steps = series_needed(problem)
     decay = problem%spectral_radius*problem%duration/cost%steps
-    cost%products = 1 + exponential_terms(decay, part_of(problem), &
-                                          useful_roundness(roundness, decay))
+    ! On the real axis, and off it
+    useful = useful_roundness(roundness, problem%rough_part, decay, part_of(problem))
+    cost%products = 1 + exponential_terms(decay, part_of(problem), useful)
+    if (0.5_wp*decay*(1 - 1/cosh(roundness)) > 3 .and. .not. useful > 0) then
+      cost%products = max(cost%products, &
+                          1 + exponential_terms(decay, part_of(problem)/problem%rough_part, &
+                                                roundness/widening))
+    end if
     cost%products = cost%steps*cost%products
     cost%products = cost%products + trials_of(problem)
     cost%seconds = cost%products*stage_cost(problem)

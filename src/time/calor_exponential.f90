@@ -28,8 +28,7 @@ module calor_exponential
   private
 
   public :: exponential_t, exponential_terms, find_roundness, longest_series, part_left, &
-            trial_terms, &
-            useful_roundness
+            part_off_axis, trial_terms, useful_roundness, widening
 
   !> The series ends when what it leaves over should be this part of the tolerance …
   real(wp), parameter :: part_left = 0.1_wp
@@ -45,6 +44,10 @@ module calor_exponential
   !> the series; it is made where a series is longer than twice that
   integer, parameter :: fewest_trial_terms = 48
   real(wp), parameter :: trial_part = 0.15_wp
+  !> A mode off the real axis lives on so many particles
+  real(wp), parameter :: few_particles = 8.0_wp
+  !> The growth is that between the largest of so many polynomials in turn
+  integer, parameter :: swing = 8
   !> Where rounding errors of a term reach this part of what is allowed, polynomials have grown too
   !> much; the next ellipse is wider than they tell by the second factor
   real(wp), parameter :: rounding_part = 0.3_wp, widening = 1.2_wp, least_widening = 0.02_wp
@@ -57,6 +60,10 @@ module calor_exponential
     real(wp), allocatable :: rate_start(:), polynomial(:, :), total(:), product(:)
     !> Half the axes of the ellipse are in the proportion of 1 to tanh g; this is g
     real(wp) :: roundness = 0
+    !> That of an ellipse on which polynomials do not grow at all
+    real(wp) :: widest = 0
+    !> What part of F may lie off the real axis
+    real(wp) :: rough_part = 1
     !> Coefficients for the step, spectral radius and roundness in `made_for`, and the sum of the
     !> magnitudes of those after each
     real(wp), allocatable :: coefficient(:), left(:)
@@ -152,19 +159,50 @@ contains
     terms = terms + mod(terms, 2)
   end function trial_terms
 
-  !> Where polynomials cannot grow to more than some ten times, an interval will do.
-  pure function useful_roundness(roundness, decay) result(useful)
+  !> An interval will do where polynomials cannot grow to more than some ten times, or where what
+  !> grows is so little at the start that rounding errors do not count in the end.
+  pure function useful_roundness(roundness, rough_part, decay, part) result(useful)
+    !> Of an ellipse on which they do not grow
     real(wp), intent(in) :: roundness
+    !> What part of F may lie off the real axis
+    real(wp), intent(in) :: rough_part
     !> Spectral radius times step
     real(wp), intent(in) :: decay
+    !> What the series may leave over, as a part of Δt F
+    real(wp), intent(in) :: part
     real(wp) :: useful
 
-    ! Terms grow to exp(z (1 - 1/cosh g)), about exp(z g²/2), z = λ Δt/2.
+    ! Terms grow to exp(z (1 - 1/cosh g)), about exp(z g²/2), z = λ Δt/2, polynomials as exp(g k).
     useful = 0
-    if (0.5_wp*decay*(1 - 1/cosh(roundness)) > 3) useful = roundness
+    if (0.5_wp*decay*(1 - 1/cosh(roundness)) > 3 .and. &
+        roundness*exponential_terms(decay, part, 0.0_wp) + log(rough_part) > &
+        log(rounding_part*part/epsilon(part))) useful = roundness
   end function useful_roundness
 
+  !> What part of F may lie in modes off the real axis: of what decays as fast as the spectral
+  !> radius lets it, that on a few particles.
+  function part_off_axis(evolution, spectral_radius, rate) result(part)
+    !> Whose Jacobian
+    class(evolution_t), intent(inout) :: evolution
+    !> Its spectral radius, 1/s
+    real(wp), intent(in) :: spectral_radius
+    !> F, 0 where it is prescribed
+    real(wp), intent(in), contiguous :: rate(:)
+    real(wp) :: part
+    real(wp), allocatable :: product(:)
+
+    allocate (product(size(rate)))
+    call evolution%jacobian_product(rate, product)
+    part = evolution%root_mean_square(product)/ &
+           max(spectral_radius*evolution%root_mean_square(rate), tiny(part)**0.25_wp)
+    part = min(1.0_wp, part)*sqrt(few_particles/max(few_particles, &
+                                                    real(evolution%all_unknowns(), wp)))
+    part = max(epsilon(part), part)
+  end function part_off_axis
+
   !> How round an ellipse has to be for polynomials to stay bounded on a vector of random numbers.
+  !> Modes off the real axis live on a few particles: they stand out at these long before they do in
+  !> a mean square.
   subroutine find_roundness(evolution, spectral_radius, terms, roundness)
     !> Whose Jacobian
     class(evolution_t), intent(inout) :: evolution
@@ -175,7 +213,7 @@ contains
     !> g, half the axes of the ellipse being in the proportion of 1 to tanh g
     real(wp), intent(out) :: roundness
     real(wp), allocatable :: polynomial(:, :), product(:), unused(:)
-    real(wp) :: half_way
+    real(wp) :: half_way, at_end
     integer :: n, k, older, newer
 
     n = evolution%unknowns()
@@ -184,20 +222,37 @@ contains
     newer = 1
     older = 2
     half_way = 0
+    at_end = 0
     do k = 1, terms
       call evolution%jacobian_product(polynomial(:, newer), product)
       call add_term(0.0_wp, merge(1.0_wp, 2.0_wp, k == 1), 2/spectral_radius, 1.0_wp, product, &
                     polynomial(:, newer), polynomial(:, older), unused)
       newer = older
       older = 3 - newer
-      if (2*k == terms) half_way = evolution%root_mean_square(polynomial(:, newer))
+      ! A mode swings as it grows.
+      if (k <= terms/2 .and. k > terms/2 - swing) then
+        half_way = max(half_way, peak_size(evolution, polynomial(:, newer)))
+      else if (k > 2*(terms/2) - swing) then
+        at_end = max(at_end, peak_size(evolution, polynomial(:, newer)))
+      end if
     end do
     roundness = 0
     if (.not. half_way > 0) return
-    roundness = 2*log(evolution%root_mean_square(polynomial(:, newer))/half_way)/terms
-    roundness = widening*roundness
-    roundness = max(0.0_wp, roundness)
+    roundness = log(at_end/half_way)/(terms/2)
+    roundness = widening*max(0.0_wp, roundness)
   end subroutine find_roundness
+
+  !> The sixteenth root of the mean of sixteenth powers: about the largest entry, whatever
+  !> their number
+  function peak_size(evolution, v) result(peak)
+    class(evolution_t), intent(in) :: evolution
+    real(wp), intent(in) :: v(:)
+    real(wp) :: peak
+
+    peak = evolution%root_mean_square(v)
+    if (.not. (peak > 0 .and. peak <= huge(peak))) return
+    peak = peak*evolution%root_mean_square((v/peak)**8)**0.125_wp
+  end function peak_size
 
   pure function estimates_error(this) result(answer)
     class(exponential_t), intent(in) :: this
@@ -273,10 +328,12 @@ contains
     if (.not. this%tried) trials = trial_terms(step*spectral_radius, accuracy/(step*start_size))
     if (trials > 0) then
       this%tried = .true.
-      call find_roundness(evolution, spectral_radius, trials, this%roundness)
-      this%evaluations = this%evaluations + trials
+      call find_roundness(evolution, spectral_radius, trials, this%widest)
+      this%rough_part = part_off_axis(evolution, spectral_radius, this%rate_start)
+      this%evaluations = this%evaluations + trials + 1
     end if
-    this%roundness = useful_roundness(this%roundness, step*spectral_radius)
+    this%roundness = useful_roundness(this%widest, this%rough_part, &
+                                      step*spectral_radius, accuracy/(step*start_size))
     done = .false.
     do while (.not. done .and. this%roundness < roundest)
       call this%find_coefficients(step, spectral_radius)
@@ -285,6 +342,7 @@ contains
     end do
     if (.not. done) then
       this%roundness = 0
+      this%widest = 0
       this%longest = 0.5_wp*step
       local_error = huge(local_error)
       this%failure = 'the spectrum lies too far off the real axis'
@@ -311,7 +369,7 @@ contains
     real(wp), intent(out) :: local_error
     !> Whether the polynomials stayed bounded
     logical, intent(out) :: done
-    real(wp) :: last_size, outward, sizes(0:ubound(this%coefficient, 1))
+    real(wp) :: last_size, envelope, outward, sizes(0:ubound(this%coefficient, 1))
     integer :: n, k, term, older, newer, half
 
     n = size(this%total)
@@ -326,6 +384,7 @@ contains
     end do
     !$omp end parallel do
     last_size = start_size
+    envelope = start_size
     done = .true.
     do term = 0, ubound(this%coefficient, 1)
       this%last = newer
@@ -342,8 +401,10 @@ contains
       end if
       if (mod(term, terms_between) > 0) cycle
       last_size = evolution%root_mean_square(this%polynomial(:, newer))
+      ! One may be small by chance; what lies on the real axis falls as exp(-g k) at least.
+      if (term > 0) envelope = max(last_size, envelope*outward**terms_between)
       ! The terms since the last look are a measure of those to come, on the safe side.
-      if (step*this%left(max(0, term - terms_between))*max(last_size, start_size) <= accuracy) exit
+      if (step*this%left(max(0, term - terms_between))*envelope <= accuracy) exit
       sizes(term) = last_size
       if (term < 2*terms_between) cycle
       if (.not. epsilon(step)*step*abs(this%coefficient(term))*last_size <= &
@@ -352,13 +413,14 @@ contains
         half = (term/2/terms_between)*terms_between
         this%roundness = this%roundness + least_widening + &
                          widening*max(0.0_wp, log(sizes(term)/sizes(half)))/(term - half)
+        this%widest = max(this%widest, this%roundness)
         done = .false.
         exit
       end if
     end do
     term = min(term, ubound(this%coefficient, 1))
     this%error_factor = step*this%left(term)
-    local_error = max(this%error_factor*max(last_size, start_size), &
+    local_error = max(this%error_factor*envelope, &
                       epsilon(step)*step*start_size)
   end subroutine sum_series
 
@@ -455,6 +517,8 @@ contains
 
     call state%put('evaluations', this%evaluations)
     call state%put('roundness', this%roundness)
+    call state%put('widest', this%widest)
+    call state%put('rough_part', this%rough_part)
     call state%put('made_for', this%made_for)
     call state%put('longest', this%longest)
     call state%put('tried', this%tried)
@@ -470,6 +534,8 @@ contains
 
     call state%get('evaluations', this%evaluations)
     call state%get('roundness', this%roundness)
+    call state%get('widest', this%widest)
+    call state%get('rough_part', this%rough_part)
     call state%get('made_for', numbers)
     if (allocated(numbers)) this%made_for = numbers
     call state%get('longest', this%longest)

@@ -217,7 +217,7 @@ contains
     integer :: iparam(11), ipntr(14), ido, info, wanted, n
 
     n = evolution%unknowns()
-    allocate (residual(n), basis(n, krylov_size), workd(3*n), vectors(n, most_wanted + 2))
+    allocate (residual(n), basis(n, krylov_size), workd(3*n))
     call evolution%scatter(2, residual)
 
     wanted = most_wanted
@@ -240,6 +240,7 @@ contains
     end do
     rightmost%method = 'Arnoldi iteration'
     rightmost%converged = info == 0
+    allocate (vectors(n, most_wanted + 2))
     if (rightmost%converged) then
       call evolution%finish_arnoldi(dr, di, vectors, wanted, tolerance, residual, basis, iparam, &
                                     ipntr, workd, workl, info)

@@ -13,6 +13,7 @@
 module calor_rkl2
   use calor_constants, only: worth_threads
   use calor_evolution, only: evolution_t
+  use calor_freed_memory, only: give_back_freed_memory
   use calor_huge_pages, only: prefer_huge_pages
   use calor_integrator, only: integrator_t
   use calor_kinds, only: wp
@@ -95,12 +96,15 @@ contains
     real(wp), intent(in) :: spectral_radius
     real(wp), intent(inout) :: step
     integer :: needed, trial
+    logical :: tried
 
     needed = rkl2_stages(step, spectral_radius)
+    tried = .false.
     do while (needed > this%proven_stages .and. .not. this%exhausted)
       trial = min(most_stages, ceiling(trial_growth*this%proven_stages))
       if (mod(trial, 2) == 0) trial = trial + 1
       if (trial > most_stages .or. trial == this%proven_stages) exit
+      tried = .true.
       if (is_stable(this, evolution, trial, reach(trial)/spectral_radius)) then
         this%proven_stages = trial
       else
@@ -108,6 +112,8 @@ contains
       end if
       this%evaluations = this%evaluations + trial_steps*trial
     end do
+    ! Trials are rare, and take vectors of their own that no step needs
+    if (tried) call give_back_freed_memory()
     if (needed > this%proven_stages) then
       step = min(step, reach(this%proven_stages)/spectral_radius*(1 - 1.0e-9_wp))
     end if
@@ -120,32 +126,34 @@ contains
     integer, intent(in) :: stages
     real(wp), intent(in) :: step
     logical :: is_stable
-    real(wp), allocatable :: v(:), rate_start(:), even_stage(:)
+    real(wp), allocatable :: v(:), even_stage(:)
     real(wp) :: before
     integer :: k, j, n, i
 
     n = evolution%unknowns()
     call make_room(this, n)
-    allocate (v(n), rate_start(n), even_stage(n))
+    allocate (v(n), even_stage(n))
+    ! Its place is taken: a rate more is little beside a trial
+    this%started = .false.
     call evolution%scatter(5, v)
     is_stable = .true.
     before = evolution%root_mean_square(v)
     do k = 1, trial_steps
       if (.not. before > 0) return
-      call evolution%jacobian_product(v, rate_start)
+      call evolution%jacobian_product(v, this%rate_start)
       !$omp parallel do if (n > worth_threads) schedule(static) default(shared) private(i)
       do i = 1, n
         v(i) = v(i)/before
-        rate_start(i) = rate_start(i)/before
+        this%rate_start(i) = this%rate_start(i)/before
         even_stage(i) = v(i)
-        this%rate_end(i) = v(i) + first_place(stages)*step*rate_start(i)
+        this%rate_end(i) = v(i) + first_place(stages)*step*this%rate_start(i)
       end do
       !$omp end parallel do
       do j = 2, stages, 2
         call evolution%combine_with_jacobian(factors(j, stages, step), this%rate_end, even_stage, &
-                                             this%rate_stage, v, rate_start)
+                                             this%rate_stage, v, this%rate_start)
         call evolution%combine_with_jacobian(factors(j + 1, stages, step), even_stage, &
-                                             this%rate_end, this%rate_stage, v, rate_start)
+                                             this%rate_end, this%rate_stage, v, this%rate_start)
       end do
       v = this%rate_end
       before = evolution%root_mean_square(v)
