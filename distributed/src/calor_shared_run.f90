@@ -94,6 +94,7 @@ contains
       real(wp), allocatable :: values(:)
       integer :: k
 
+      if (.not. allocated(simulation%scene%output%fields)) return
       allocate (values(simulation%particles%cloud%particles()))
       do k = 1, size(simulation%scene%output%fields)
         associate (name => simulation%scene%output%fields(k)%value, rows => simulation%rows)

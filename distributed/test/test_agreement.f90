@@ -31,6 +31,7 @@ contains
              new_unittest('polygon with radiation and flux', test_polygon), &
              new_unittest('melting', test_melting), &
              new_unittest('steady', test_steady), &
+             new_unittest('no output', test_no_output), &
              new_unittest('unlike laws in contact', test_unlike), &
              new_unittest('a conductivity that is no product', test_no_product), &
              new_unittest('VTK''s reader opens the file', test_vtk), &
@@ -251,6 +252,20 @@ contains
                               '&time steady=.true. /', &
                               '&output file=''steadyslab.vtkhdf'' /'], [1, 3], error)
   end subroutine test_steady
+
+  !> A scene that asks for no file runs all the same.
+  subroutine test_no_output(error)
+    type(error_type), allocatable, intent(out) :: error
+    integer :: status
+
+    call write_scene('silent', [character(len=wide) :: &
+                                '&domain shape=''rectangle'' x_range=0,1 y_range=0,1 spacing=0.05 /', &
+                                '&initial temperature_expression=''sin(pi*x)*sin(pi*y)'' /', &
+                                '&boundary on=''all'' kind=''temperature'' value=0 /', &
+                                '&time end=0.01 /'])
+    call run_ranks('silent', 2, status)
+    if (status /= 0) call test_failed(error, 'it ended with status '//to_text(status))
+  end subroutine test_no_output
 
   !> Jumps of potentials at an interface, in time and steady
   subroutine test_unlike(error)
