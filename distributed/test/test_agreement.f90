@@ -259,7 +259,8 @@ contains
     integer :: status
 
     call write_scene('silent', [character(len=wide) :: &
-                                '&domain shape=''rectangle'' x_range=0,1 y_range=0,1 spacing=0.05 /', &
+                                '&domain shape=''rectangle'' x_range=0,1 y_range=0,1', &
+                                '  spacing=0.05 /', &
                                 '&initial temperature_expression=''sin(pi*x)*sin(pi*y)'' /', &
                                 '&boundary on=''all'' kind=''temperature'' value=0 /', &
                                 '&time end=0.01 /'])
