@@ -28,7 +28,7 @@ module calor_method_choice
   !> Seconds of one core for: a row and an entry of a product, and what it takes anyway; a row in
   !> the vector updates of a stage; an entry of the factors in a solution; a floating-point
   !> operation of the factorisation, and an entry of the factors and of the matrix in it
-  real(wp), parameter :: row_seconds = 2.0e-10_wp, entry_seconds = 4.2e-10_wp
+  real(wp), parameter :: row_seconds = 2.0e-10_wp, entry_seconds = 3.5e-10_wp
   real(wp), parameter :: call_seconds = 1.0e-6_wp
   !> More entries than that do not fit into a core's own cache, or into the one that cores share,
   !> and all takes longer by that factor
