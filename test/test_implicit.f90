@@ -70,6 +70,7 @@ contains
                 new_unittest('Newton''s method inside a step', test_newton), &
                 new_unittest('prescribed values are met at every stage', test_prescribed), &
                 new_unittest('the exponential is exact for any step', test_exponential), &
+                new_unittest('the exponential, asked for too much', test_rounding), &
                 new_unittest('the exponential off the real axis', test_off_axis), &
                 new_unittest('the exponential refuses what it cannot do', test_refusal), &
                 new_unittest('the number of terms is foreseen', test_terms), &
@@ -504,6 +505,32 @@ contains
     other = after(chain, 'runge_kutta_4', 1000, 1.0_wp)
     call check(error, maxval(abs(one - other)) < 1.0e-12_wp, to_text(maxval(abs(one - other))))
   end subroutine test_exponential
+
+  !> Shorter steps would not bring the digits that numbers do not have.
+  subroutine test_rounding(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(chain_t) :: chain
+    type(stepper_t) :: stepper
+    type(error_t), allocatable :: failure
+    real(wp) :: u(20), time
+
+    chain%n = 20
+    chain%stiffness = 10
+    chain%forcing = 0
+    call make_integrator('exponential', stepper%integrator, failure)
+    stepper%spectral_radius = 4*chain%stiffness
+    stepper%longest_step = stepper%integrator%longest_stable_step(stepper%spectral_radius)
+    stepper%tolerance = 1.0e-30_wp
+    time = 0
+    u = 1
+    u(20) = 1.5_wp
+    call stepper%advance_to(chain, time, 1.0_wp, u, failure, at_most=10)
+    call check(error, .not. allocated(failure))
+    if (allocated(error)) return
+    call check(error, stepper%steps, 1)
+    if (allocated(error)) return
+    call check(error, maxval(abs(u - after(chain, 'exponential', 10, 1.0_wp))) < 1.0e-12_wp)
+  end subroutine test_rounding
 
   !> With an unsymmetric chain the polynomials of an interval grow: a higher ellipse is found, and
   !> the result keeps the tolerance.

@@ -173,15 +173,20 @@ contains
 
     associate (time => scene%time)
       this%method = time%method
-      if (this%method == 'auto') this%method = 'rkl2'
+      if (this%method == 'auto') then
+        this%method = 'rkl2'
+        if (time%without_trial .and. conduction%is_linear() .and. &
+            .not. conduction%depends_on_time() .and. .not. scene%motion%in_force .and. &
+            .not. time%step > 0) this%method = 'exponential'
+      end if
       call make(this%method, conduction, stepper%integrator, error)
       if (allocated(error)) return
       scale = conduction%temperature_scale()
       tolerance = default_tolerance*scale
       if (time%tolerance > 0) tolerance = time%tolerance*scale
       ! Rows that change with the motion would have to be factorised anew each time.
-      if (time%method == 'auto' .and. .not. time%step > 0 .and. .not. time%only_rkl2 .and. &
-          .not. scene%motion%in_force) then
+      if (time%method == 'auto' .and. .not. (time%step > 0 .or. time%only_rkl2 .or. &
+                                             time%without_trial .or. scene%motion%in_force)) then
         call this%choose_method(scene, conduction, temperature, state, make, tolerance, stepper, &
                                 error)
         if (allocated(error)) return

@@ -422,6 +422,10 @@ contains
     this%error_factor = step*this%left(term)
     local_error = max(this%error_factor*envelope, &
                       epsilon(step)*step*start_size)
+    ! What rounding leaves no step can mend.
+    if (this%tolerance > 0 .and. local_error <= accuracy) then
+      local_error = min(local_error, this%tolerance)
+    end if
   end subroutine sum_series
 
   !> The next polynomial, which takes the place of the one before the last, and its term.

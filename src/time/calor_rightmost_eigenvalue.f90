@@ -35,7 +35,7 @@ module calor_rightmost_eigenvalue
 
   !> Systems up to this size are solved densely, and larger ones up to the other if the iteration
   !> fails, as it may where a lattice has many equal eigenvalues
-  integer, parameter :: always_dense = 100, largest_dense = 400
+  integer, parameter :: always_dense = 50, largest_dense = 400
   !> Degree of the polynomial: the higher, the better it tells slow modes apart. Where no mode is as
   !> slow as that, it is halved, as often as it takes
   integer, parameter :: highest_degree = 31, lowest_degree = 7
