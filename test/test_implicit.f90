@@ -719,6 +719,9 @@ contains
     if (allocated(error)) return
     call check_scene(6)
     if (allocated(error)) return
+    ! Three series, of which the first leaves next to nothing
+    call check_scene(7)
+    if (allocated(error)) return
     call check_scene(9)
 
   contains

@@ -135,6 +135,7 @@ contains
       call this%find_growth()
       call this%stopwatch%start('step control')
       this%steps%growth_rate = this%rightmost%growth_rate
+      this%steps%slowest_decay = this%rightmost%slowest_decay
       call this%steps%choose(scene, this%conduction, this%temperature, this%state(), &
                              make_shared_integrator, this%stepper, error)
       if (allocated(error)) return

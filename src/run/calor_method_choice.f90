@@ -13,8 +13,8 @@
 module calor_method_choice
   use calor_error, only: error_t
   use calor_evolution, only: evolution_t
-  use calor_exponential, only: exponential_terms, find_roundness, longest_series, part_left, &
-                               part_off_axis, trial_terms, useful_roundness, widening
+  use calor_exponential, only: exponential_terms, find_roundness, left_of_rate, longest_series, &
+                               part_left, part_off_axis, trial_terms, useful_roundness, widening
   use calor_integrators, only: make_integrator
   use calor_kinds, only: wp
   use calor_stepper, only: stepper_t
@@ -54,6 +54,9 @@ module calor_method_choice
   !> Steps of TR-BDF2 against those of RKL2: its errors are smaller, and its steps grow by leaps.
   !> Measured
   real(wp), parameter :: fewer = 0.9_wp
+  !> A series that ends early leaves the rate that it was ended by, divided by the part of the
+  !> coefficients that it left out: this at least
+  real(wp), parameter :: least_left = 0.1_wp
   !> New factors that steps of growing length take
   integer, parameter :: usual_factorisations = 6
 
@@ -72,6 +75,8 @@ module calor_method_choice
     real(wp) :: rough_part = 1.0_wp
     !> The slowest decay, 1/s; 0: not known
     real(wp) :: slowest = 0.0_wp
+    !> How far temperatures can be from where they go; huge: not known, or they need not go anywhere
+    real(wp) :: range = huge(1.0_wp)
     !> Whether the exponential propagator and TR-BDF2 can integrate it
     logical :: linear = .false., implicit = .true.
     !> Whether something changes with time, so that steps need not grow
@@ -358,23 +363,55 @@ contains
     type(problem_t), intent(in) :: problem
     real(wp), intent(in) :: roundness
     type(method_cost_t) :: cost
-    real(wp) :: decay, useful
+    real(wp) :: step, first, number, rate, products
 
     cost%name = 'exponential'
     cost%steps = series_needed(problem)
-    decay = problem%spectral_radius*problem%duration/cost%steps
-    ! On the real axis, and off it
-    useful = useful_roundness(roundness, problem%rough_part, decay, part_of(problem))
-    cost%products = 1 + exponential_terms(decay, part_of(problem), useful)
-    if (0.5_wp*decay*(1 - 1/cosh(roundness)) > 3 .and. .not. useful > 0) then
-      cost%products = max(cost%products, &
-                          1 + exponential_terms(decay, part_of(problem)/problem%rough_part, &
-                                                roundness/widening))
-    end if
-    cost%products = cost%steps*cost%products
-    cost%products = cost%products + trials_of(problem)
+    step = problem%duration/cost%steps
+    cost%products = trials_of(problem)
+    rate = problem%scale/problem%duration
+    ! Neighbouring series are much alike: of many in turn the first is foreseen.
+    first = 0
+    do while (first < cost%steps)
+      number = min(cost%steps - first, 1 + aint(first/8))
+      call foresee_series(problem, roundness, step, (first + 1)*step, rate, products)
+      cost%products = cost%products + number*products
+      first = first + number
+    end do
     cost%seconds = cost%products*stage_cost(problem)
   end function exponential_cost
+
+  !> The products of a series, and the rate that it leaves.
+  pure subroutine foresee_series(problem, roundness, step, time, rate, products)
+    type(problem_t), intent(in) :: problem
+    real(wp), intent(in) :: roundness
+    !> Its length and its end, s
+    real(wp), intent(in) :: step, time
+    !> The rate at its start and at its end, root mean square
+    real(wp), intent(inout) :: rate
+    real(wp), intent(out) :: products
+    real(wp) :: decay, useful, part, held, coefficients_left
+
+    decay = problem%spectral_radius*step
+    part = part_left*problem%tolerance/(step*rate)
+    held = huge(held)
+    if (problem%range < huge(1.0_wp)) held = problem%range/(step*rate)
+    ! On the real axis, and off it
+    useful = useful_roundness(roundness, problem%rough_part, decay, part)
+    products = 1 + exponential_terms(decay, part, useful, problem%slowest*step, held)
+    coefficients_left = least_left
+    if (useful > 0) then
+      coefficients_left = max(least_left, 1 - products/(0.5_wp*decay*tanh(useful)))
+    else if (0.5_wp*decay*(1 - 1/cosh(roundness)) > 3) then
+      products = max(products, 1 + exponential_terms(decay, part/problem%rough_part, &
+                                                     roundness/widening))
+    end if
+    if (.not. problem%range < huge(1.0_wp)) return
+    ! What has not decayed, and what the series left over: c_k being about 1/(z tanh g) until there,
+    ! A Δt times what is left of Σ c_k P_k F is about P_k F, which ended the series.
+    rate = min(rate, max(problem%range*left_of_rate(problem%slowest, time), &
+                         part_left*problem%tolerance/(step*coefficients_left)))
+  end subroutine foresee_series
 
   pure function series_needed(problem) result(number)
     type(problem_t), intent(in) :: problem

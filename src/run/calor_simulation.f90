@@ -1662,6 +1662,7 @@ contains
     steps%entries = size(this%conduction%laplacian%weight)
     steps%fastest_decay = this%conduction%fastest_decay()
     steps%growth_rate = this%rightmost%growth_rate
+    steps%slowest_decay = this%rightmost%slowest_decay
     call steps%choose(this%scene, this%conduction, this%temperature, this%state(), &
                       make_usual_integrator, this%stepper, error)
     this%method = steps%method
