@@ -215,6 +215,7 @@ contains
     this%steps%fastest_decay = this%conduction%fastest_decay()
     this%steps%rows = real(this%all_rows, wp)
     this%steps%entries = real(this%all_entries, wp)
+    this%steps%operations = this%ranks%total(this%conduction%operations())
     this%rightmost%growth_rate = this%ranks%most(this%conduction%laplacian%gershgorin_right_end())
     call this%conduction%load_rows()
     call find_step_limits(this%scene, bound, this%conduction, this%stepper%spectral_radius, error)

@@ -1660,6 +1660,7 @@ contains
 
     steps%rows = this%conduction%laplacian%rows()
     steps%entries = size(this%conduction%laplacian%weight)
+    steps%operations = this%conduction%operations()
     steps%fastest_decay = this%conduction%fastest_decay()
     steps%growth_rate = this%rightmost%growth_rate
     steps%slowest_decay = this%rightmost%slowest_decay

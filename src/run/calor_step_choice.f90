@@ -27,8 +27,9 @@ module calor_step_choice
 
   !> What is known of the rows, and what follows from it
   type :: step_choice_t
-    !> Rows, and entries beside the diagonal, of all processes
-    real(wp) :: rows = 0.0_wp, entries = 0.0_wp
+    !> Rows, and entries beside the diagonal, of all processes, and operators of expressions in a
+    !> rate
+    real(wp) :: rows = 0.0_wp, entries = 0.0_wp, operations = 0.0_wp
     !> As `conduction%fastest_decay()` had it, the growth rate of the rightmost mode, and
     !> the slowest decay of any that decays, 1/s; 0: not known
     real(wp) :: fastest_decay = 0.0_wp, growth_rate = 0.0_wp, slowest_decay = 0.0_wp
@@ -130,6 +131,7 @@ contains
     trial%longest_step = trial%integrator%longest_stable_step(trial%spectral_radius)
     problem%rows = this%rows
     problem%entries = this%entries
+    problem%operations = this%operations
     problem%spectral_radius = trial%spectral_radius
     problem%duration = scene%time%end
     problem%parts = states_after_start(scene)
@@ -138,6 +140,7 @@ contains
     problem%linear = conduction%is_linear() .and. .not. conduction%depends_on_time() &
                      .and. .not. scene%accuracy%estimate
     problem%implicit = .not. allocated(conduction%content)
+    problem%reacting = .not. conduction%is_linear()
     problem%changing = conduction%depends_on_time()
     if (problem%linear) then
       ! Only a decay that was found is known.
