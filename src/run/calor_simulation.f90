@@ -1383,9 +1383,11 @@ contains
       scene%order = this%scene%order + 2
       call read_materials(scene%file, materials, error)
       if (allocated(error)) return
-      if (mod(scene%order, 2) == 0 .and. (allocated(materials%list) .or. &
-                                          this%cloud%particles() < roomy*monomials(scene%order + 1))) &
+      if (mod(scene%order, 2) == 0 .and. &
+          (allocated(materials%list) .or. &
+           this%cloud%particles() < roomy*monomials(scene%order + 1))) then
         scene%order = scene%order - 1
+      end if
     end if
     scene%laplacian = 'consistent'
     scene%support = usual_support('consistent', scene%order)

@@ -169,7 +169,8 @@ contains
     subroutine find_decay()
       real(wp), allocatable :: product(:)
 
-      if (allocated(conduction%slope)) return
+      if (allocated(conduction%slope) .or. .not. this%slowest_decay > 0 .or. &
+          this%growth_rate > rounding*problem%spectral_radius) return
       if (.not. this%growth_rate <= -this%slowest_decay) then
         ! F(u) = A u + b
         allocate (product(size(temperature)))
