@@ -1689,8 +1689,10 @@ contains
 
     steps%rows = this%conduction%laplacian%rows()
     steps%entries = size(this%conduction%laplacian%weight)
+    steps%operations = this%conduction%operations()
     steps%fastest_decay = this%conduction%fastest_decay()
     steps%growth_rate = this%rightmost%growth_rate
+    steps%slowest_decay = this%rightmost%slowest_decay
     call steps%choose(this%scene, this%conduction, this%temperature, this%state(), &
                       make_usual_integrator, this%stepper, error)
     this%method = steps%method
