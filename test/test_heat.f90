@@ -36,6 +36,7 @@ contains
                              test_refused_step), &
                 new_unittest('an unstable operator ends the run', test_unstable), &
                 new_unittest('scenes that cannot be run', test_refusals), &
+                new_unittest('what walls are held at later counts', test_later_walls), &
                 new_unittest('one and two threads agree', test_threads) &
                 ]
   end subroutine collect_heat
@@ -364,6 +365,28 @@ contains
     call check(error, index(failure%message, words) > 0, &
                'expected "'//words//'" in: '//failure%message)
   end subroutine expect_refusal
+
+  !> A pulse that has not come yet makes no range of temperatures at the start, of which tolerances
+  !> are parts.
+  subroutine test_later_walls(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(scene_t) :: scene
+    type(simulation_t) :: simulation
+    type(error_t), allocatable :: failure
+
+    call interpret_scene('&domain x_range = 0, 1 y_range = 0, 1 spacing = 0.1 / '// &
+                         '&initial temperature = 0 / &time end = 2 / '// &
+                         '&boundary value_expression = "exp(-((t - 1)/0.05)^2)" /', scene, failure)
+    if (.not. allocated(failure)) call simulation%prepare(scene, failure)
+    call check(error, .not. allocated(failure))
+    if (allocated(error)) return
+    call check(error, simulation%conduction%temperature_scale(), 1.0_wp, thr=1.0e-12_wp)
+    if (allocated(error)) return
+    call simulation%run(failure)
+    call check(error, .not. allocated(failure))
+    if (allocated(error)) return
+    call check(error, simulation%stepper%steps < 2000, to_text(simulation%stepper%steps)//' steps')
+  end subroutine test_later_walls
 
   subroutine test_threads(error)
     type(error_type), allocatable, intent(out) :: error

@@ -102,6 +102,7 @@ module calor_conduction
     procedure :: spectral_bound
     !> Widen the range of given temperatures
     procedure :: note_range
+    procedure :: look_ahead
     !> Take up that the state is a heat content
     procedure :: use_content
     !> Put effects in force
@@ -978,27 +979,9 @@ contains
   subroutine expected_range(this, low, high)
     class(conduction_t), intent(in) :: this
     real(wp), intent(out) :: low, high
-    integer, parameter :: times = 32
-    type(expression_t) :: expression
-    real(wp), allocatable :: given(:)
     real(wp) :: rise, any_low, any_high
-    integer :: k, j
 
     call this%find_scales(low, high, rise)
-    do k = 1, size(this%prescribed)
-      if (.not. allocated(this%prescribed(k)%expression)) cycle
-      ! What is held later counts as well.
-      expression = this%prescribed(k)%expression
-      associate (held => this%prescribed(k))
-        allocate (given(size(held%particle)))
-        do j = 1, times
-          call held%places%evaluate(expression, this%medium%duration*j/times, given)
-          low = min(low, minval(given, ieee_is_finite(given)))
-          high = max(high, maxval(given, ieee_is_finite(given)))
-        end do
-        deallocate (given)
-      end associate
-    end do
     call this%span(low, high)
     call this%allowed_range(any_low, any_high)
     if (any_low >= low .and. any_high <= high) return
@@ -1064,6 +1047,25 @@ contains
     end associate
     number = particle
   end function whole_number
+
+  !> Note the temperatures that walls are going to be held at.
+  subroutine look_ahead(this)
+    class(conduction_t), intent(inout) :: this
+    integer, parameter :: times = 32
+    real(wp), allocatable :: given(:)
+    integer :: k, j
+
+    do k = 1, size(this%prescribed)
+      associate (held => this%prescribed(k))
+        if (.not. allocated(held%expression)) cycle
+        given = held%temperature
+        do j = 0, times
+          call held%places%evaluate(held%expression, this%medium%duration*j/times, given)
+          call this%note_range(given)
+        end do
+      end associate
+    end do
+  end subroutine look_ahead
 
   subroutine note_range(this, temperature)
     class(conduction_t), intent(inout) :: this

@@ -119,6 +119,7 @@ contains
     conduction%single_weights = scene%single_weights
     call conduction%note_range(temperature)
     call conduction%impose(0.0_wp, temperature)
+    call conduction%look_ahead()
     lowest = minval(temperature)
     highest = maxval(temperature)
     call conduction%span(lowest, highest)
