@@ -28,8 +28,9 @@ module calor_streamed_rows
 
   !> Rows of a slice, and particles among which rows are sorted by length
   integer, parameter :: lanes = 8, window = 32
-  !> What the sum of a row is added to: nothing, two stages, or these and a step's start
-  integer, parameter :: sum_alone = 0, with_stages = 1, with_start = 2
+  !> What the sum of a row is added to: nothing, two terms of a recurrence, or two stages and a
+  !> step's start
+  integer, parameter :: sum_alone = 0, with_terms = 1, with_start = 2
   !> So many consecutive particles a slice may have neighbours among, by two bytes each
   integer, parameter :: reach = 2**bit_size(0_i2)
   !> An entry that sticks out costs as much as so many in a slice
@@ -69,6 +70,8 @@ module calor_streamed_rows
     procedure :: apply
     !> The same, added to multiples of other fields
     procedure :: combine
+    !> The same as the next term of a recurrence of three
+    procedure :: recur
     !> Memory in use, bytes
     procedure :: bytes
   end type streamed_rows_t
@@ -328,29 +331,36 @@ contains
     call sweep(this, sum_alone, c, u, derivative, u, u)
   end subroutine apply
 
-  !> older ← c₁ newer + c₂ older + c₅ A newer, and where they are given + c₃ start + c₄ rate_start
+  !> older ← c₁ newer + c₂ older + c₃ start + c₄ rate_start + c₅ A newer
   subroutine combine(this, c, newer, older, start, rate_start)
     class(streamed_rows_t), intent(in) :: this
     !> The five factors
     real(wp), intent(in) :: c(5)
     !> Fields at all particles
+    real(wp), intent(in), contiguous :: newer(:), start(:), rate_start(:)
+    real(wp), intent(inout), contiguous :: older(:)
+
+    call sweep(this, with_start, c, newer, older, start, rate_start)
+  end subroutine combine
+
+  !> older ← c₁ newer + c₂ (newer - older) + c₃ A newer
+  subroutine recur(this, c, newer, older)
+    class(streamed_rows_t), intent(in) :: this
+    !> The three factors
+    real(wp), intent(in) :: c(3)
+    !> Fields at all particles
     real(wp), intent(in), contiguous :: newer(:)
     real(wp), intent(inout), contiguous :: older(:)
-    real(wp), intent(in), contiguous, optional :: start(:), rate_start(:)
 
-    if (present(start) .and. present(rate_start)) then
-      call sweep(this, with_start, c, newer, older, start, rate_start)
-    else
-      call sweep(this, with_stages, c, newer, older, newer, newer)
-    end if
-  end subroutine combine
+    call sweep(this, with_terms, [c(1:2), 0.0_wp, 0.0_wp, c(3)], newer, older, newer, newer)
+  end subroutine recur
 
   !> All slices, a part of them on each thread.
   subroutine sweep(this, terms, c, newer, older, start, rate_start)
     type(streamed_rows_t), intent(in) :: this
     !> What the sums are added to
     integer, intent(in) :: terms
-    !> The five factors of `combine`
+    !> The factors of `combine`, or of `recur`, the last one being the fifth
     real(wp), intent(in) :: c(5)
     real(wp), intent(in), contiguous :: newer(:), start(:), rate_start(:)
     real(wp), intent(inout), contiguous :: older(:)
@@ -410,10 +420,10 @@ contains
           older(i) = c(1)*own(lane) + c(2)*older(i) + c(3)*start(i) + c(4)*rate_start(i) + &
                      c(5)*total(lane)
         end do
-      case (with_stages)
+      case (with_terms)
         do lane = 1, rows
           i = this%particle(own_before + lane)
-          older(i) = c(1)*own(lane) + c(2)*older(i) + c(5)*total(lane)
+          older(i) = c(1)*own(lane) + c(2)*(own(lane) - older(i)) + c(5)*total(lane)
         end do
       case default
         do lane = 1, rows
