@@ -238,7 +238,7 @@ contains
     end do
   end subroutine test_error_control
 
-  !> One step from stages and one from terms of Legendre's recurrence, with 3 to 301 of them, are the
+  !> One step from stages and one from terms of Legendre's recurrence, 3 to 301 of them, are the
   !> stability polynomial's value; what is steady stays so to the last bit.
   subroutine test_rkl2_terms(error)
     type(error_type), allocatable, intent(out) :: error

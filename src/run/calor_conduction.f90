@@ -212,14 +212,13 @@ contains
     this%only_streamed = .false.
   end subroutine stream_rows
 
-  !> Afterwards `laplacian` tells its targets only: there is no Jacobian to hand out, nor a bound of
-  !> the spectrum, until rows are assembled anew. Nothing happens where rows could not be laid out.
+  !> Afterwards `laplacian` is empty: there is no Jacobian to hand out, nor a bound of the spectrum,
+  !> until rows are assembled anew. Nothing happens where rows could not be laid out.
   subroutine keep_streamed_rows(this)
     class(conduction_t), intent(inout) :: this
 
     if (this%only_streamed .or. .not. this%is_streamed()) return
-    deallocate (this%laplacian%first, this%laplacian%index, this%laplacian%weight, &
-                this%laplacian%diagonal)
+    this%laplacian = sparse_operator_t()
     this%only_streamed = .true.
   end subroutine keep_streamed_rows
 

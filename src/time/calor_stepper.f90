@@ -129,7 +129,7 @@ contains
     class(evolution_t), intent(inout), target :: evolution
     real(wp), intent(inout) :: time
     real(wp), intent(in) :: end_time
-    real(wp), intent(inout) :: u(:)
+    real(wp), intent(inout), contiguous :: u(:)
     type(error_t), allocatable, intent(out) :: error
     class(step_watcher_t), intent(inout), optional :: watcher
     real(wp) :: step
