@@ -13,6 +13,7 @@ module test_row_layouts
   use calor_neighbour_list, only: neighbour_list_t, build_neighbour_list
   use calor_random, only: random_uniform
   use calor_rectangle_cloud, only: make_rectangle
+  use calor_row_batch, only: row_batch_t
   use calor_row_collection, only: row_collection_t
   use calor_row_report, only: row_report_t
   use calor_scene, only: scene_t
@@ -21,6 +22,7 @@ module test_row_layouts
   use calor_sparse_operator, only: sparse_operator_t
   use calor_stencil, only: stencil_t
   use calor_streamed_rows, only: streamed_rows_t
+  use calor_text, only: to_text
   use testdrive, only: new_unittest, unittest_type, test_error => error_type, check
   implicit none (type, external)
   private
@@ -34,7 +36,10 @@ contains
 
     testsuite = [ &
                 new_unittest('batches give the rows found one by one', test_batches), &
-                new_unittest('a lattice goes to the pivoted factorisation', test_lattice), &
+                new_unittest('rows of a lattice, where monomials depend on each other', &
+                             test_lattice), &
+                new_unittest('an attempt saves rows that no neighbours could make exact', &
+                             test_attempt), &
                 new_unittest('a collection keeps the last attempt at each row', test_collection), &
                 new_unittest('streamed rows are the operator', test_streamed), &
                 new_unittest('streamed rows leave constants steady to the last bit', &
@@ -132,22 +137,85 @@ contains
     end do
   end subroutine test_batches
 
-  !> There monomials depend on each other: the rows are those of LAPACK to the last bit.
+  !> There monomials depend on each other: batches leave them out, and the rows are those of LAPACK.
   subroutine test_lattice(error)
     type(test_error), allocatable, intent(out) :: error
     type(cloud_t) :: cloud
     type(sparse_operator_t) :: laplacian
     type(neighbour_list_t) :: list
+    type(row_batch_t) :: batch
     type(fatehi_manzari_t) :: paper
+    type(consistent_t) :: consistent
+    class(kernel_t), allocatable :: kernel
+    type(error_t), allocatable :: failure
+    integer :: order, k, middle
 
     ! Four neighbours leave B̂xy undetermined. Rounding of the scaling only: 1/h² and h² differ
     call assemble(paper, 0.0_wp, 1.2_wp, cloud, laplacian, list)
     call check(error, difference(paper, 1.2_wp, cloud, laplacian, list, .true.) < 1.0e-14_wp)
-    if (allocated(error)) return
-    call assemble(consistent_t(order=4), 0.0_wp, 2.8_wp, cloud, laplacian, list)
-    call check(error, difference(consistent_t(order=4), 2.8_wp, cloud, laplacian, list, .true.) < &
-               1.0e-10_wp)
+    call make_kernel('wendland_c2', kernel, failure)
+    do order = 2, 8, 2
+      if (allocated(error)) return
+      consistent%order = order
+      associate (support => natural_support(order))
+        call assemble(consistent, 0.0_wp, support, cloud, laplacian, list)
+        call check(error, difference(consistent, support, cloud, laplacian, list, .true.) < &
+                   1.0e-10_wp, 'order '//to_text(order))
+        if (allocated(error)) return
+        call batch%reserve(list%longest_row())
+        middle = minloc((cloud%x(list%target) - 0.5_wp)**2 + (cloud%y(list%target) - 0.5_wp)**2, &
+                        dim=1)
+        call batch%gather(kernel, cloud%x, cloud%y, cloud%volume, &
+                          [(support/15, k=1, size(cloud%x))], list, middle, middle)
+        call consistent%batch_weights(batch)
+        call check(error, batch%solved(1) .and. .not. batch%unmet(1))
+        if (allocated(error)) return
+        call check(error, batch%condition_laplacian(1) > 1.0e300_wp, 'monomials are independent')
+        deallocate (batch%q, batch%ex, batch%ey, batch%volume, batch%weight, batch%f, batch%df, &
+                    batch%ddf)
+      end associate
+    end do
   end subroutine test_lattice
+
+  !> Rows of too few neighbours are told by their residual either way; all others are the same.
+  subroutine test_attempt(error)
+    type(test_error), allocatable, intent(out) :: error
+    type(cloud_t) :: cloud
+    type(sparse_operator_t) :: laplacian, attempt
+    type(neighbour_list_t) :: list
+    type(row_report_t) :: report, attempted
+    type(consistent_t) :: consistent
+    class(kernel_t), allocatable :: kernel
+    type(error_t), allocatable :: failure
+    real(wp), parameter :: jitters(*) = [0.0_wp, 0.3_wp]
+    integer :: k, j, row
+
+    call make_kernel('wendland_c2', kernel, failure)
+    do j = 1, size(jitters)
+      associate (support => natural_support(consistent%order))
+        call assemble(consistent, jitters(j), support, cloud, laplacian, list)
+        associate (radius => [(support/15, k=1, size(cloud%x))])
+          call consistent%assemble(kernel, cloud%x, cloud%y, cloud%volume, radius, list, laplacian, &
+                                   report)
+          call consistent%assemble(kernel, cloud%x, cloud%y, cloud%volume, radius, list, attempt, &
+                                   attempted, attempt=.true.)
+        end associate
+      end associate
+      call check(error, any(report%residual > 1.0e-5_wp), 'all rows are exact')
+      if (allocated(error)) return
+      do row = 1, list%rows()
+        if (report%residual(row) > 1.0e-5_wp) then
+          call check(error, attempted%residual(row) > 1.0e-5_wp)
+        else
+          associate (from => list%first(row), to => list%first(row + 1) - 1)
+            call check(error, maxval(abs(attempt%weight(from:to) - laplacian%weight(from:to))), &
+                       0.0_wp)
+          end associate
+        end if
+        if (allocated(error)) return
+      end do
+    end do
+  end subroutine test_attempt
 
   subroutine test_collection(error)
     type(test_error), allocatable, intent(out) :: error

@@ -53,7 +53,8 @@ module calor_laplacian_scheme
   integer, parameter :: worth_assembling = 256
 
   abstract interface
-    subroutine assemble_interface(this, kernel, x, y, volume, radius, list, laplacian, report)
+    subroutine assemble_interface(this, kernel, x, y, volume, radius, list, laplacian, report, &
+                                  attempt)
       import :: laplacian_scheme_t, kernel_t, wp, neighbour_list_t, sparse_operator_t, row_report_t
       implicit none (type, external)
       class(laplacian_scheme_t), intent(in) :: this
@@ -67,6 +68,9 @@ module calor_laplacian_scheme
       type(sparse_operator_t), intent(out) :: laplacian
       !> The condition of the tensors that were solved for
       type(row_report_t), intent(out), optional :: report
+      !> Rows whose residual tells that their neighbours do not suffice will not be used: whatever
+      !> was found of them will do
+      logical, intent(in), optional :: attempt
     end subroutine assemble_interface
 
     !> ⟨∇²u⟩_i = diagonal u_i + Σ weight(j) u_j, in units of 1/h².
@@ -122,22 +126,25 @@ contains
     batch%solved = .false.
   end subroutine batch_weights
 
-  subroutine assemble_rows(this, kernel, x, y, volume, radius, list, laplacian, report)
+  subroutine assemble_rows(this, kernel, x, y, volume, radius, list, laplacian, report, attempt)
     class(row_laplacian_t), intent(in) :: this
     class(kernel_t), intent(in) :: kernel
     real(wp), intent(in) :: x(:), y(:), volume(:), radius(:)
     type(neighbour_list_t), intent(in) :: list
     type(sparse_operator_t), intent(out) :: laplacian
     type(row_report_t), intent(out), optional :: report
+    logical, intent(in), optional :: attempt
     type(row_report_t) :: found
     type(row_batch_t) :: batch
     type(stencil_t) :: stencil
-    logical :: batches
+    logical :: batches, takes_unmet
     integer :: first_row, last_row, most, row
 
     call laplacian%shape_as(list)
     call found%reserve(list%rows())
     batches = this%solves_batches()
+    takes_unmet = .false.
+    if (present(attempt)) takes_unmet = attempt
     most = list%longest_row()
     !$omp parallel if (list%rows() > worth_assembling) default(shared) &
     !$omp private(first_row, last_row, row) firstprivate(batch, stencil)
@@ -151,7 +158,8 @@ contains
         call this%batch_weights(batch)
       end if
       do row = first_row, last_row
-        if (batch%solved(row - first_row + 1)) then
+        if (batch%solved(row - first_row + 1) .or. &
+            (takes_unmet .and. batch%unmet(row - first_row + 1))) then
           call take_from_batch(batch, row - first_row + 1, row, radius, laplacian, found)
         else
           call assemble_row(this, kernel, x, y, volume, radius, row, stencil, laplacian, found)

@@ -39,6 +39,8 @@ module calor_row_batch
     real(wp) :: residual(lanes) = 0.0_wp
     !> Whether a row was found; the others have to be found one by one
     logical :: solved(lanes) = .false.
+    !> Whether it is certain that no row meets all conditions
+    logical :: unmet(lanes) = .false.
   contains
     !> Provide room for a number of neighbours
     procedure :: reserve
@@ -81,6 +83,7 @@ contains
     this%condition_laplacian = 0
     this%residual = 0
     this%solved = .false.
+    this%unmet = .false.
     do lane = 1, lanes
       if (this%length(lane) > 0) then
         i = list%target(first_row + lane - 1)

@@ -88,7 +88,8 @@ contains
     allocate (repairs%repair(size(targets)), source=as_written)
     if (size(targets) > 0) repairs%widest = maxval(radius(targets))
     call find_neighbours(x, y, radius(targets), list, targets, skin_list)
-    call scheme%assemble(kernel, x, y, volume, radius, list, laplacian, report)
+    call scheme%assemble(kernel, x, y, volume, radius, list, laplacian, report, &
+                         attempt=scheme%exact_degree() >= 2)
     if (scheme%exact_degree() < 2) then
       call surround(x, y, radius, list, repairs%repair, skin_list)
       if (size(targets) > 0) repairs%widest = maxval(radius(targets))
@@ -283,7 +284,7 @@ contains
       candidates = targets(rows)
       widest = max(widest, maxval(radius(candidates)))
       call find_neighbours(x, y, radius(candidates), list, candidates, skin_list)
-      call scheme%assemble(kernel, x, y, volume, radius, list, laplacian, report)
+      call scheme%assemble(kernel, x, y, volume, radius, list, laplacian, report, attempt=.true.)
       call measure_rows(laplacian, x, y, radius, 2, quality)
       neighbours = int(list%first(2:) - list%first(:list%rows()))
       poor = is_poor(quality%ratio, quality%residual, quality%stiffness, rule%largest_ratio, &

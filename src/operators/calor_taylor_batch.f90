@@ -1,8 +1,9 @@
 !> The weights of calor_taylor_weights for several particles at once, one in each lane of a vector.
 !>
-!> Moment matrices are factorised without pivoting, in the lanes of a batch side by side. Where the
-!> monomials are nearly dependent on each other at the neighbours, as on lattices, that will not do:
-!> such rows are left to LAPACK's pivoted factorisation.
+!> Moment matrices are factorised without pivoting, in the lanes of a batch side by side. A monomial
+!> that depends on those before it at the neighbours, as x⁵ does on x and x³ on a lattice, is left
+!> out; the residual tells whether the row reproduces it all the same. Where it does not, rows are
+!> left to LAPACK's pivoted factorisation.
 module calor_taylor_batch
   use calor_constants, only: pi
   use calor_kinds, only: wp
@@ -13,12 +14,13 @@ module calor_taylor_batch
 
   public :: batch_taylor_weights
 
-  !> Matrices are scaled to a diagonal of ones. Below such a pivot those that follow are rounding
-  !> errors as likely as not.
-  real(wp), parameter :: smallest_pivot = 1.0e-9_wp
+  !> Matrices are scaled to a diagonal of ones. A monomial with a smaller pivot depends on those
+  !> before it, as far as rounding can tell.
+  real(wp), parameter :: smallest_pivot = 1.0e-12_wp
   !> Weights ω Pᵀ c that meet all moments are those of least norm, however c was found. Rows that
-  !> miss one by more, in units of the support radius, are not vouched for.
-  real(wp), parameter :: largest_residual = 1.0e-11_wp
+  !> miss one by more, in units of the support radius, are not vouched for; such as miss one by so
+  !> much that rounding cannot be the reason have too few neighbours.
+  real(wp), parameter :: largest_residual = 1.0e-11_wp, unmet_residual = 1.0e-5_wp
   !> Number of moments of degrees 0 … 2 highest_degree, and of entries of half a matrix
   integer, parameter :: most_moments = (2*highest_degree + 1)*(highest_degree + 1)
   integer, parameter :: most_entries = most*(most + 1)/2
@@ -27,7 +29,7 @@ contains
 
   !> Weights of least norm that reproduce one derivative of all polynomials up to a degree.
   !>
-  !> Sets weights, diagonal, residual, condition and whether they are solved.
+  !> Sets weights, diagonal, residual, condition and whether they are solved, or cannot be.
   subroutine batch_taylor_weights(batch, degree, wanted)
     !> The stencils
     type(row_batch_t), intent(inout) :: batch
@@ -46,9 +48,7 @@ contains
     end do
     call weighting(batch%n, batch%q, batch%f, shortest, omega)
     call moment_matrix(batch%n, batch%q, batch%ex, batch%ey, omega, degree, m, matrix, scaling)
-    call factorise(m, matrix, batch%condition_laplacian, batch%solved)
-    batch%solved = batch%solved .and. batch%length >= m
-    if (.not. any(batch%solved)) return
+    call factorise(m, matrix, batch%condition_laplacian)
     batch%weight(1:lanes*batch%n) = 0
     moment(:, 1:m) = 0
     ! The second time refines: what rounding left of the moments is mended.
@@ -64,7 +64,8 @@ contains
     do k = 1, m
       batch%residual = max(batch%residual, abs(moment(:, k) - wanted(k)))
     end do
-    batch%solved = batch%solved .and. batch%residual <= largest_residual
+    batch%solved = batch%residual <= largest_residual
+    batch%unmet = batch%residual > unmet_residual
     call sum_up(batch%n, batch%weight, batch%diagonal)
   end subroutine batch_taylor_weights
 
@@ -135,19 +136,19 @@ contains
     end do
   end subroutine moment_matrix
 
-  !> M = L Lᵀ in place; the diagonal of L is kept as its inverse.
-  pure subroutine factorise(m, matrix, condition, solved)
+  !> M = L Lᵀ in place; the diagonal of L is kept as its inverse, 0 where a monomial is left out.
+  pure subroutine factorise(m, matrix, condition)
     integer, intent(in) :: m
     real(wp), intent(inout) :: matrix(lanes, m*(m + 1)/2)
-    !> An estimate of the condition of M
+    !> An estimate of the condition of M; huge(1.0) where it is singular
     real(wp), intent(out) :: condition(lanes)
-    !> Whether all pivots were large enough
-    logical, intent(out) :: solved(lanes)
     real(wp) :: total(lanes), least(lanes), largest(lanes)
+    logical :: singular(lanes)
     integer :: column, column_start, k, row, row_start, l
 
     least = huge(1.0_wp)
     largest = 0
+    singular = .false.
     do row = 1, m
       row_start = row*(row - 1)/2
       do column = 1, row - 1
@@ -165,15 +166,19 @@ contains
       do k = 1, row - 1
         total = total - matrix(:, row_start + k)**2
       end do
-      least = min(least, total)
-      largest = max(largest, total)
-      ! Lanes that have failed go on with any numbers, to be thrown away
-      where (.not. total > smallest_pivot) total = 1
-      matrix(:, row_start + row) = 1/sqrt(total)
+      do l = 1, lanes
+        if (total(l) > smallest_pivot) then
+          least(l) = min(least(l), total(l))
+          largest(l) = max(largest(l), total(l))
+          matrix(l, row_start + row) = 1/sqrt(total(l))
+        else
+          singular(l) = .true.
+          matrix(l, row_start + row) = 0
+        end if
+      end do
     end do
-    solved = least > smallest_pivot
     condition = huge(1.0_wp)
-    where (solved) condition = largest/least
+    where (.not. singular) condition = largest/least
   end subroutine factorise
 
   !> x ← M⁻¹ x

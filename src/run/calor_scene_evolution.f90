@@ -281,8 +281,10 @@ contains
           return
         end if
         aside = rows%radius
+        ! Nobody asks for the budget of what only tells the error of another.
         call rows_at(pack([(j, j=1, size(contacts%held))], contacts%held .and. &
-                          cloud%owns(contacts%particle)), scheme, aside, walls)
+                          cloud%owns(contacts%particle) .and. .not. this%method%judges), &
+                     scheme, aside, walls)
         conduction%held_rows = walls%laplacian
         call rows_at(pack([(j, j=1, size(contacts%held))], .not. contacts%held .and. &
                           cloud%owns(contacts%particle)), scheme, rows%radius, walls)

@@ -48,6 +48,7 @@ module calor_simulation
   use calor_stepper, only: stepper_t
   use calor_stopwatch, only: stopwatch_t
   use calor_stored_fields, only: stored_fields_t
+  use calor_taylor_weights, only: monomials
   use calor_text, only: text_t, append, to_text
   implicit none (type, external)
   private
@@ -56,6 +57,11 @@ module calor_simulation
 
   !> The error is estimated with a consistent scheme of this order at least
   integer, parameter :: lowest_reference_order = 3
+  !> … and stencils of an order have room where there are so many particles to each monomial
+  integer, parameter :: roomy = 6
+  !> Where the error is the difference to the solution of that scheme, steps of the latter may make
+  !> this part of the error of the former
+  real(wp), parameter :: truth_part = 0.01_wp
   !> An eigenvalue as small as this, as a part of the spectral radius, is 0
   real(wp), parameter :: rounding = 1.0e-11_wp
 
@@ -1354,12 +1360,14 @@ contains
   !> The same problem by a scheme of higher order, with which the error is carried along.
   !>
   !> On most clouds the solution of an odd order p has order p + 1, as that of p + 1 has: so the
-  !> reference is of order p + 1 where p is even and of p + 2 where it is odd.
+  !> reference is of order p + 2. An even order p makes do with p + 1 where there are too few
+  !> particles for the stencils of p + 2, and where these reach across interfaces between materials.
   subroutine prepare_estimate(this, error, further)
     class(simulation_t), intent(inout) :: this
     type(error_t), allocatable, intent(out) :: error
     type(effect_slot_t), intent(in), optional :: further(:)
     type(scene_t) :: scene
+    type(materials_t) :: materials
     type(conduction_t) :: reference
     type(method_t) :: method
     type(scene_rows_t) :: rows
@@ -1371,9 +1379,13 @@ contains
     scene = this%scene
     scene%support_growth = .true.
     scene%order = lowest_reference_order
-    if (scene%laplacian == 'consistent') then
-      scene%order = max(lowest_reference_order, &
-                        this%scene%order + 1 + mod(this%scene%order, 2))
+    if (scene%laplacian == 'consistent' .and. this%scene%order >= lowest_reference_order) then
+      scene%order = this%scene%order + 2
+      call read_materials(scene%file, materials, error)
+      if (allocated(error)) return
+      if (mod(scene%order, 2) == 0 .and. (allocated(materials%list) .or. &
+                                          this%cloud%particles() < roomy*monomials(scene%order + 1))) &
+        scene%order = scene%order - 1
     end if
     scene%laplacian = 'consistent'
     scene%support = usual_support('consistent', scene%order)
@@ -1390,8 +1402,13 @@ contains
       this%reference_scene = scene
     end if
     allocate (this%estimate)
-    call this%estimate%begin(this%conduction, reference, this%time, this%state(), &
-                             reference%spectral_bound())
+    if (this%method == 'exponential') then
+      call this%estimate%begin(this%conduction, reference, this%time, this%state(), &
+                               reference%spectral_bound(), truth_part*this%stepper%tolerance)
+    else
+      call this%estimate%begin(this%conduction, reference, this%time, this%state(), &
+                               reference%spectral_bound())
+    end if
     ! A user's cloud comes without the body that it fills: what its cells are is not known.
     if (scene%initial_expression == '' .or. scene%domain%shape == 'cloud') return
     if (scene%time%steady) return

@@ -131,9 +131,7 @@ contains
     problem%duration = scene%time%end
     problem%parts = states_after_start(scene)
     problem%tolerance = tolerance
-    ! The estimate of the error follows a solution by steps that are not too long.
-    problem%linear = conduction%is_linear() .and. .not. conduction%depends_on_time() &
-                     .and. .not. scene%accuracy%estimate
+    problem%linear = conduction%is_linear() .and. .not. conduction%depends_on_time()
     problem%implicit = .not. allocated(conduction%content)
     problem%changing = conduction%depends_on_time()
     if (problem%linear) then

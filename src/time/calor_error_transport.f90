@@ -14,10 +14,15 @@
 !>
 !> e varies as slowly as the solution does, not as its steps are short: it is advanced over
 !> intervals of many steps, within which τ is taken as linear in time.
+!>
+!> Where F and F_p are linear and do not change with time, e = U - u holds exactly, and w = U - u_0
+!> obeys w_t = F_p' w + F_p(u_0), w(0) = e(0), u_0 being the solution at the start of an interval. The
+!> exponential propagator carries w over intervals of any length.
 module calor_error_transport
   use calor_constants, only: worth_threads
   use calor_error, only: error_t
   use calor_evolution, only: evolution_t
+  use calor_exponential, only: exponential_t
   use calor_integrator, only: integrator_t
   use calor_kinds, only: wp
   use calor_rkl2, only: rkl2_t
@@ -49,6 +54,8 @@ module calor_error_transport
     procedure :: impose
     procedure :: clear_prescribed
     procedure :: inspect
+    procedure :: is_linear
+    procedure :: depends_on_time
   end type linear_evolution_t
 
   type, extends(step_watcher_t) :: error_transport_t
@@ -64,6 +71,9 @@ module calor_error_transport
     type(stopwatch_t) :: stopwatch
     !> τ at `time`, and the sum of the errors of the steps since
     real(wp), allocatable, private :: defect(:), step_errors(:)
+    !> Whether e is the difference to the true solution, and the solution at `time` then
+    logical, private :: by_difference = .false.
+    real(wp), allocatable, private :: solution(:)
     !> A further part of τ: its mean over a step of the motion, its slope, and the middle, s
     real(wp), allocatable, private :: further_mean(:), further_slope(:)
     real(wp), private :: further_middle = 0.0_wp
@@ -87,13 +97,16 @@ module calor_error_transport
     procedure :: renew
     !> Take a further source of error into account
     procedure :: add_source
+    procedure, private :: choose_way
+    procedure, private :: carry_error
+    procedure, private :: carry_difference
     procedure, private :: measure_defect
     procedure, private :: foresee_change
   end type error_transport_t
 
 contains
 
-  subroutine begin(this, evolution, reference, time, u, spectral_radius)
+  subroutine begin(this, evolution, reference, time, u, spectral_radius, tolerance)
     class(error_transport_t), intent(out) :: this
     !> What will be integrated
     class(evolution_t), intent(inout) :: evolution
@@ -104,21 +117,49 @@ contains
     real(wp), intent(in), contiguous :: u(:)
     !> Spectral radius of F_p', 1/s, on the safe side
     real(wp), intent(in) :: spectral_radius
+    !> Both are linear and do not change with time: find the true solution by the exponential
+    !> propagator, steps of which may make so much of an error. 0: what rounding leaves
+    real(wp), intent(in), optional :: tolerance
 
     call this%stopwatch%start('error estimate')
     allocate (this%reference, source=reference)
-    allocate (this%error(size(u)), this%step_errors(size(u)), source=0.0_wp)
-    allocate (this%defect(size(u)), this%transport%start(size(u)), this%transport%slope(size(u)))
+    allocate (this%error(size(u)), source=0.0_wp)
     this%time = time
-    allocate (rkl2_t :: this%stepper%integrator)
-    ! A step of the solution is not over before its error has been brought up to it.
-    this%stepper%interruptible = .false.
     this%stepper%spectral_radius = spectral_radius
-    this%stepper%longest_step = this%stepper%integrator%longest_stable_step(spectral_radius)
+    if (present(tolerance)) this%stepper%tolerance = tolerance
+    call this%choose_way(present(tolerance), u)
+    if (this%by_difference) then
+      call this%stopwatch%stop()
+      return
+    end if
     call this%measure_defect(evolution, time, u, this%defect)
     call this%foresee_change(evolution, time, u, spectral_radius)
     call this%stopwatch%stop()
   end subroutine begin
+
+  !> Make ready to carry e in one way or the other.
+  subroutine choose_way(this, by_difference, u)
+    class(error_transport_t), intent(inout) :: this
+    logical, intent(in) :: by_difference
+    !> The solution
+    real(wp), intent(in) :: u(:)
+
+    this%by_difference = by_difference
+    this%transport%start = 0*u
+    if (by_difference) then
+      this%solution = u
+      allocate (exponential_t :: this%stepper%integrator)
+    else
+      this%step_errors = this%transport%start
+      this%defect = this%transport%start
+      this%transport%slope = this%transport%start
+      allocate (rkl2_t :: this%stepper%integrator)
+    end if
+    ! A step of the solution is not over before its error has been brought up to it.
+    this%stepper%interruptible = .false.
+    this%stepper%longest_step = &
+      this%stepper%integrator%longest_stable_step(this%stepper%spectral_radius)
+  end subroutine choose_way
 
   !> How long τ will take to change: it follows u, and u follows its rate.
   subroutine foresee_change(this, evolution, time, u, spectral_radius)
@@ -144,6 +185,8 @@ contains
     class(error_transport_t), intent(in) :: this
     real(wp) :: step
 
+    step = huge(step)
+    if (this%by_difference) return
     step = this%interval
     if (.not. step > 0) step = this%first
   end function longest_step
@@ -156,6 +199,7 @@ contains
     real(wp), intent(in), contiguous :: u(:)
     type(error_t), allocatable, intent(out) :: error
 
+    if (this%by_difference) return
     call this%stopwatch%start('error estimate')
     call integrator%add_step_error(step, this%step_errors)
     call this%stopwatch%stop()
@@ -172,13 +216,56 @@ contains
     real(wp), intent(in), contiguous :: u(:)
     !> The numbers went wrong
     type(error_t), allocatable, intent(out) :: error
+
+    if (.not. time > this%time) return
+    call this%stopwatch%start('error estimate')
+    this%transport%base => this%reference
+    this%transport%time = this%time
+    call this%stepper%integrator%restart()
+    if (this%by_difference) then
+      call this%carry_difference(time, u, error)
+    else
+      call this%carry_error(evolution, time, u, error)
+    end if
+    this%transport%base => null()
+    this%evaluations = this%evaluations + this%stepper%integrator%evaluations
+    this%stepper%integrator%evaluations = 0
+    call this%stopwatch%stop()
+  end subroutine catch_up
+
+  !> Find the true solution at a time, and so the error.
+  subroutine carry_difference(this, time, u, error)
+    class(error_transport_t), intent(inout) :: this
+    real(wp), intent(in) :: time
+    real(wp), intent(in), contiguous :: u(:)
+    type(error_t), allocatable, intent(out) :: error
+    integer :: k
+
+    call this%reference%rate(this%time, this%solution, this%transport%start)
+    call this%reference%clear_prescribed(this%transport%start)
+    this%evaluations = this%evaluations + 1
+    call this%stepper%advance_to(this%transport, this%time, time, this%error, error)
+    !$omp parallel do if (size(u) > worth_threads) schedule(static) default(shared) private(k)
+    do k = 1, size(u)
+      this%error(k) = this%error(k) + this%solution(k) - u(k)
+      this%solution(k) = u(k)
+    end do
+    !$omp end parallel do
+    call this%reference%clear_prescribed(this%error)
+  end subroutine carry_difference
+
+  !> Carry the error to a time, driven by τ as it changes meanwhile.
+  subroutine carry_error(this, evolution, time, u, error)
+    class(error_transport_t), intent(inout) :: this
+    class(evolution_t), intent(inout) :: evolution
+    real(wp), intent(in) :: time
+    real(wp), intent(in), contiguous :: u(:)
+    type(error_t), allocatable, intent(out) :: error
     real(wp), allocatable :: change(:)
     real(wp) :: interval, size_of_defect, part
     integer :: k
 
     interval = time - this%time
-    if (.not. interval > 0) return
-    call this%stopwatch%start('error estimate')
     allocate (change(size(u)))
     call this%measure_defect(evolution, time, u, change)
     !$omp parallel do if (size(u) > worth_threads) schedule(static) default(shared) private(k)
@@ -197,15 +284,10 @@ contains
     end if
     size_of_defect = root_mean_square(this%defect)
     call this%reference%linearise(time, u)
-    this%transport%base => this%reference
-    this%transport%time = this%time
     this%stepper%tolerance = relative_tolerance*max(root_mean_square(this%error), &
                                                     size_of_defect*interval, tiny(1.0_wp))
-    call this%stepper%integrator%restart()
     call this%stepper%advance_to(this%transport, this%time, time, this%error, error)
-    this%transport%base => null()
-    this%evaluations = this%evaluations + 2 + this%stepper%integrator%evaluations
-    this%stepper%integrator%evaluations = 0
+    this%evaluations = this%evaluations + 2
     ! A defect that changes fast is looked at more often.
     part = root_mean_square(change)
     if (part > 0.2_wp*largest_change*size_of_defect) then
@@ -213,8 +295,7 @@ contains
     else
       this%interval = 3*interval
     end if
-    call this%stopwatch%stop()
-  end subroutine catch_up
+  end subroutine carry_error
 
   subroutine save_transport(this, state)
     class(error_transport_t), intent(in) :: this
@@ -223,8 +304,13 @@ contains
     call state%enter('estimate')
     call state%put('time', this%time)
     call state%put('error', this%error)
-    call state%put('defect', this%defect)
-    call state%put('step_errors', this%step_errors)
+    if (this%by_difference) then
+      call state%put('tolerance', this%stepper%tolerance)
+      call state%put('solution', this%solution)
+    else
+      call state%put('defect', this%defect)
+      call state%put('step_errors', this%step_errors)
+    end if
     call state%put('interval', this%interval)
     call state%put('first', this%first)
     call state%put('evaluations', this%evaluations)
@@ -244,8 +330,19 @@ contains
     call state%enter('estimate')
     call state%get('time', this%time)
     call state%get('error', this%error)
-    call state%get('defect', this%defect)
-    call state%get('step_errors', this%step_errors)
+    ! A run that goes on to another end may have another method now than the one that it began with.
+    if (state%has('solution') .neqv. this%by_difference) then
+      deallocate (this%stepper%integrator)
+      if (allocated(this%transport%slope)) deallocate (this%transport%slope)
+      call this%choose_way(.not. this%by_difference, this%error)
+    end if
+    if (this%by_difference) then
+      call state%get('tolerance', this%stepper%tolerance)
+      call state%get('solution', this%solution)
+    else
+      call state%get('defect', this%defect)
+      call state%get('step_errors', this%step_errors)
+    end if
     call state%get('interval', this%interval)
     call state%get('first', this%first)
     call state%get('evaluations', this%evaluations)
@@ -324,9 +421,16 @@ contains
     call this%base%jacobian_product(u, du)
     !$omp parallel do if (size(u) > worth_threads) schedule(static) default(shared) private(k)
     do k = 1, size(u)
-      du(k) = du(k) + this%start(k) + (time - this%time)*this%slope(k)
+      du(k) = du(k) + this%start(k)
     end do
     !$omp end parallel do
+    if (allocated(this%slope)) then
+      !$omp parallel do if (size(u) > worth_threads) schedule(static) default(shared) private(k)
+      do k = 1, size(u)
+        du(k) = du(k) + (time - this%time)*this%slope(k)
+      end do
+      !$omp end parallel do
+    end if
     call this%base%clear_prescribed(du)
   end subroutine rate
 
@@ -355,6 +459,22 @@ contains
 
     call this%base%clear_prescribed(v)
   end subroutine clear_prescribed
+
+  pure function is_linear(this) result(answer)
+    class(linear_evolution_t), intent(in) :: this
+    logical :: answer
+
+    associate (unused => this)
+    end associate
+    answer = .true.
+  end function is_linear
+
+  pure function depends_on_time(this) result(answer)
+    class(linear_evolution_t), intent(in) :: this
+    logical :: answer
+
+    answer = allocated(this%slope)
+  end function depends_on_time
 
   !> The solution itself is judged elsewhere; its error may be anything.
   subroutine inspect(this, time, u, error)
