@@ -41,6 +41,7 @@ contains
                 new_unittest('a failed compilation leaves nothing', test_failed_compilation), &
                 new_unittest('copies outlive the original', test_copies), &
                 new_unittest('copies inside other types', test_deep_copies), &
+                new_unittest('operators and functions are counted', test_operations), &
                 new_unittest('a million points are fast', test_speed) &
                 ]
   end subroutine collect_expression
@@ -78,6 +79,24 @@ contains
     call expression%evaluate(x(:0), y(:0), 0.0_wp, values(:0))
     call check(error, expression%source(), 'sin(pi*x)*cos(y) + exp(-2*pi^2*t)')
   end subroutine test_values
+
+  !> A function counts as ten operators, the call as four.
+  subroutine test_operations(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(expression_t) :: expression
+    character(len=*), parameter :: texts(5) = [character(len=40) :: 'x', '10*(1 + sin(20*t))', &
+                                               'exp(-((x-0.5)^2 + (y-0.5)^2)/0.02)', &
+                                               'x > 0.5 ? T : 2*(y)', 'min(x,(y+t))']
+    integer, parameter :: expected(5) = [4, 17, 21, 7, 15]
+    integer :: k
+
+    do k = 1, size(texts)
+      call compile(trim(texts(k)), expression, error)
+      if (allocated(error)) return
+      call check(error, expression%operations(), expected(k), more=trim(texts(k)))
+      if (allocated(error)) return
+    end do
+  end subroutine test_operations
 
   subroutine test_strided(error)
     type(error_type), allocatable, intent(out) :: error

@@ -195,8 +195,8 @@ contains
       associate (support => natural_support(consistent%order))
         call assemble(consistent, jitters(j), support, cloud, laplacian, list)
         associate (radius => [(support/15, k=1, size(cloud%x))])
-          call consistent%assemble(kernel, cloud%x, cloud%y, cloud%volume, radius, list, laplacian, &
-                                   report)
+          call consistent%assemble(kernel, cloud%x, cloud%y, cloud%volume, radius, list, &
+                                   laplacian, report)
           call consistent%assemble(kernel, cloud%x, cloud%y, cloud%volume, radius, list, attempt, &
                                    attempted, attempt=.true.)
         end associate

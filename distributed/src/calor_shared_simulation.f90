@@ -135,6 +135,7 @@ contains
       call this%find_growth()
       call this%stopwatch%start('step control')
       this%steps%growth_rate = this%rightmost%growth_rate
+      this%steps%slowest_decay = this%rightmost%slowest_decay
       call this%steps%choose(scene, this%conduction, this%temperature, this%state(), &
                              make_shared_integrator, this%stepper, error)
       if (allocated(error)) return
@@ -214,6 +215,7 @@ contains
     this%steps%fastest_decay = this%conduction%fastest_decay()
     this%steps%rows = real(this%all_rows, wp)
     this%steps%entries = real(this%all_entries, wp)
+    this%steps%operations = this%ranks%total(this%conduction%operations())
     this%rightmost%growth_rate = this%ranks%most(this%conduction%laplacian%gershgorin_right_end())
     call this%conduction%load_rows()
     call find_step_limits(this%scene, bound, this%conduction, this%stepper%spectral_radius, error)

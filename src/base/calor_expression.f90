@@ -73,6 +73,8 @@ module calor_expression
     procedure :: uses
     !> The expression as the user wrote it
     procedure :: source
+    !> What it takes to evaluate it at a point
+    procedure :: operations
     !> Whether there is anything to evaluate
     procedure :: is_compiled
     !> A copy works on when the original is gone
@@ -323,6 +325,26 @@ contains
 
     text = trim(self%text)
   end function source
+
+  !> What an evaluation at a point takes, in operators: a function takes as long as ten of them, and
+  !> the call of the parser as four, measured.
+  pure function operations(self) result(number)
+    !> The expression
+    class(expression_t), intent(in) :: self
+    integer :: number
+    character(len=1) :: before
+    integer :: k
+
+    number = 4
+    before = ' '
+    do k = 1, len_trim(self%text)
+      if (scan(self%text(k:k), '+-*/^<>=?') > 0) number = number + 1
+      if (self%text(k:k) == '(' .and. scan(before, '+-*/^<>=?:&|(,') == 0 .and. before /= ' ') then
+        number = number + 10
+      end if
+      if (self%text(k:k) /= ' ') before = self%text(k:k)
+    end do
+  end function operations
 
   !> Whether the expression has been compiled.
   pure function is_compiled(self)

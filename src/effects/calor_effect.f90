@@ -54,6 +54,8 @@ module calor_effect
     procedure :: account
     !> Lay down what flux it brings at each contact with the world
     procedure :: put_flux
+    !> What it takes to find its power, in operators of expressions
+    procedure :: operations
     !> Whether it adds no power at all, as what only stores heat
     procedure :: brings_nothing
   end type effect_t
@@ -202,6 +204,16 @@ contains
     end associate
     answer = .false.
   end function brings_nothing
+
+  pure function operations(this) result(number)
+    class(effect_t), intent(in) :: this
+    real(wp) :: number
+
+    ! Most is little beside the rows of the Laplacian, as what happens at walls.
+    associate (unused => this)
+    end associate
+    number = 0
+  end function operations
 
   pure function account(this) result(name)
     class(effect_t), intent(in) :: this

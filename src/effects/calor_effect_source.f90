@@ -39,6 +39,7 @@ module calor_effect_source
     procedure :: is_linear
     procedure :: depends_on_time
     procedure :: expected_rise
+    procedure :: operations
   end type source_t
 
 contains
@@ -177,6 +178,13 @@ contains
     if (size(this%density%value) == 0) return
     rise = maxval(abs(this%density%value))*medium%reach()**2/medium%conductivity
   end function expected_rise
+
+  pure function operations(this) result(number)
+    class(source_t), intent(in) :: this
+    real(wp) :: number
+
+    number = this%density%operations()
+  end function operations
 
   pure function is_linear(this) result(answer)
     class(source_t), intent(in) :: this

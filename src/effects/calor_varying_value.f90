@@ -36,6 +36,8 @@ module calor_varying_value
     procedure :: update
     !> The derivative of the values with respect to the temperature
     procedure :: derivative
+    !> What it takes to bring the values to another time, in operators of expressions
+    procedure :: operations
     !> What its arrays take, bytes
     procedure :: bytes
   end type varying_value_t
@@ -156,6 +158,17 @@ contains
     call this%places%evaluate(this%expression, time, below, temperature - change)
     slope = (slope - below)/(2*change)
   end subroutine derivative
+
+  pure function operations(this) result(number)
+    class(varying_value_t), intent(in) :: this
+    real(wp) :: number
+
+    number = 0
+    if (.not. (this%moves .or. this%reacts)) return
+    if (allocated(this%expression)) then
+      number = real(size(this%value), wp)*this%expression%operations()
+    end if
+  end function operations
 
   pure function bytes(this) result(number)
     class(varying_value_t), intent(in) :: this

@@ -95,6 +95,8 @@ module calor_conduction
     procedure :: inspect
     procedure :: jacobian_rows
     procedure :: is_linear
+    !> What the rate takes beside the product, in operators of expressions
+    procedure :: operations
     procedure :: depends_on_time
     !> The largest -a_ii of the Jacobian where none of its weights is negative, 1/s; else 0
     procedure :: fastest_decay
@@ -731,6 +733,18 @@ contains
       answer = answer .and. this%effects(k)%effect%is_linear()
     end do
   end function is_linear
+
+  pure function operations(this) result(number)
+    class(conduction_t), intent(in) :: this
+    real(wp) :: number
+    integer :: k
+
+    number = 0
+    if (.not. allocated(this%effects)) return
+    do k = 1, size(this%effects)
+      number = number + this%effects(k)%effect%operations()
+    end do
+  end function operations
 
   pure function depends_on_time(this) result(answer)
     class(conduction_t), intent(in) :: this

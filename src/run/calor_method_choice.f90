@@ -13,8 +13,8 @@
 module calor_method_choice
   use calor_error, only: error_t
   use calor_evolution, only: evolution_t
-  use calor_exponential, only: exponential_terms, find_roundness, longest_series, part_left, &
-                               part_off_axis, trial_terms, useful_roundness, widening
+  use calor_exponential, only: exponential_terms, find_roundness, left_of_rate, longest_series, &
+                               part_left, part_off_axis, trial_terms, useful_roundness, widening
   use calor_integrators, only: make_integrator
   use calor_kinds, only: wp
   use calor_stepper, only: stepper_t
@@ -33,7 +33,11 @@ module calor_method_choice
   !> More entries than that do not fit into a core's own cache, or into the one that cores share,
   !> and all takes longer by that factor
   real(wp), parameter :: cached_entries(2) = [2.0e5_wp, 5.0e6_wp], slower(2) = [1.3_wp, 1.7_wp]
-  real(wp), parameter :: stage_seconds = 4.0e-10_wp, solution_seconds = 1.6e-9_wp
+  real(wp), parameter :: stage_seconds = 4.0e-10_wp, solution_seconds = 8.0e-10_wp
+  !> The same for solutions, by the entries of either factor
+  real(wp), parameter :: slower_solution(2) = [2.6_wp, 3.4_wp]
+  !> An operator of an expression at a particle
+  real(wp), parameter :: operator_seconds = 2.5e-9_wp
   real(wp), parameter :: operation_seconds = 4.0e-10_wp, factor_seconds = 8.0e-9_wp, &
                          matrix_seconds = 1.0e-7_wp
   !> Entries of both factors of a matrix with m entries in each of n rows: this times m n log2 n.
@@ -54,13 +58,16 @@ module calor_method_choice
   !> Steps of TR-BDF2 against those of RKL2: its errors are smaller, and its steps grow by leaps.
   !> Measured
   real(wp), parameter :: fewer = 0.9_wp
+  !> A series that ends early leaves the rate that it was ended by, divided by the part of the
+  !> coefficients that it left out: this at least
+  real(wp), parameter :: least_left = 0.1_wp
   !> New factors that steps of growing length take
   integer, parameter :: usual_factorisations = 6
 
   !> What is known of a problem before it is integrated
   type :: problem_t
-    !> Rows, and entries beside the diagonal
-    real(wp) :: rows = 0.0_wp, entries = 0.0_wp
+    !> Rows, entries beside the diagonal, and operators of expressions in a rate
+    real(wp) :: rows = 0.0_wp, entries = 0.0_wp, operations = 0.0_wp
     !> Spectral radius, 1/s
     real(wp) :: spectral_radius = 0.0_wp
     !> The time to integrate, s, and in how many parts, each of which ends with an output
@@ -72,8 +79,12 @@ module calor_method_choice
     real(wp) :: rough_part = 1.0_wp
     !> The slowest decay, 1/s; 0: not known
     real(wp) :: slowest = 0.0_wp
+    !> How far temperatures can be from where they go; huge: not known, or they need not go anywhere
+    real(wp) :: range = huge(1.0_wp)
     !> Whether the exponential propagator and TR-BDF2 can integrate it
     logical :: linear = .false., implicit = .true.
+    !> Whether its rate is not linear in the state, so that implicit stages take Newton's method
+    logical :: reacting = .false.
     !> Whether something changes with time, so that steps need not grow
     logical :: changing = .false.
   end type problem_t
@@ -125,7 +136,7 @@ contains
     type(pilot_t) :: pilot
     type(method_cost_t) :: exponential, bound
     type(problem_t) :: known
-    real(wp) :: roundness, least, steps, stable
+    real(wp) :: roundness, least
     real(wp), allocatable :: rate(:)
     integer :: trials
 
@@ -164,15 +175,9 @@ contains
       end if
     end if
     call run_pilot(problem, evolution, stepper, state, pilot)
-    steps = steps_ahead(problem, pilot)
-    ! Steps as long as are stable come on top of those as long as the tolerance allows.
-    stable = 0
-    if (pilot%longest < 0.999_wp*longest_ahead(problem, pilot)) then
-      stable = problem%duration/pilot%longest
-    end if
-    choice%costs = [choice%costs, rkl2_cost(problem, steps + stable)]
+    choice%costs = [choice%costs, rkl2_cost(problem, steps_ahead(problem, pilot, pilot%longest))]
     if (problem%implicit) then
-      choice%costs = [choice%costs, tr_bdf2_cost(problem, fewer*steps)]
+      choice%costs = [choice%costs, tr_bdf2_cost(problem, fewer*steps_ahead(problem, pilot))]
     end if
     call sort(choice%costs)
     choice%method = trim(choice%costs(1)%name)
@@ -230,7 +235,7 @@ contains
       pilot%step = trial%next_proposal()
     end if
     ! The longest step comes last; the state is not needed any more.
-    pilot%longest = longest_ahead(problem, pilot)
+    pilot%longest = step_at(problem, pilot, problem%duration)
     call trial%integrator%shorten_step(evolution, problem%spectral_radius, pilot%longest, u)
 
   contains
@@ -263,48 +268,70 @@ contains
 
   end subroutine run_pilot
 
-  !> Steps of second order that the whole run takes. Δt goes with the power 11/12 of the age of what
-  !> spreads from a jump, and once that is slower as exp(t μ/3): the third derivative of the slowest
-  !> mode decays as exp(-t μ).
-  pure function steps_ahead(problem, pilot) result(steps)
+  !> Steps of second order that the whole run takes, none longer than that length. Δt goes with the
+  !> power 11/12 of the age of what spreads from a jump, and once that is slower as exp(t μ/3): the
+  !> third derivative of the slowest mode decays as exp(-t μ).
+  pure function steps_ahead(problem, pilot, longest) result(steps)
     type(problem_t), intent(in) :: problem
     type(pilot_t), intent(in) :: pilot
+    !> s; none: any step is stable
+    real(wp), intent(in), optional :: longest
     real(wp) :: steps
-    real(wp) :: step, age, turn, growth
+    real(wp) :: step, age, turn, growth, till, low, high
+    integer :: k
 
     steps = pilot%steps
     if (.not. pilot%time < problem%duration .or. .not. pilot%step > 0) return
+    till = problem%duration
+    if (present(longest)) then
+      if (longest < 0.999_wp*step_at(problem, pilot, problem%duration)) then
+        ! Until steps are as long as that
+        low = pilot%time
+        high = problem%duration
+        do k = 1, 40
+          till = 0.5_wp*(low + high)
+          if (step_at(problem, pilot, till) < longest) then
+            low = till
+          else
+            high = till
+          end if
+        end do
+        steps = steps + (problem%duration - till)/longest
+      end if
+    end if
     if (problem%changing .or. .not. pilot%age < 1.0e3_wp*problem%duration) then
-      steps = steps + (problem%duration - pilot%time)/pilot%step
+      steps = steps + (till - pilot%time)/pilot%step
       return
     end if
     growth = problem%slowest/3
-    turn = turn_to_decay(problem, pilot)
+    turn = min(till, turn_to_decay(problem, pilot))
     ! ∫ dt/Δt, Δt = step ((t + age)/(time + age))^power
     age = max(pilot%time + pilot%age, tiny(age)**0.25_wp)
     step = pilot%step*((turn + pilot%age)/age)**spreading_power
     steps = steps + age/pilot%step*(((turn + pilot%age)/age)**(1 - spreading_power) - 1)/ &
             (1 - spreading_power)
-    if (problem%duration > turn) then
-      steps = steps + (1 - exp(-min(700.0_wp, growth*(problem%duration - turn))))/(growth*step)
+    if (till > turn) then
+      steps = steps + (1 - exp(-min(700.0_wp, growth*(till - turn))))/(growth*step)
     end if
   end function steps_ahead
 
-  !> The step with which that run ends, s
-  pure function longest_ahead(problem, pilot) result(step)
+  !> The step that the tolerance allows at that time, s
+  pure function step_at(problem, pilot, time) result(step)
     type(problem_t), intent(in) :: problem
     type(pilot_t), intent(in) :: pilot
+    !> Not before the end of the trial, s
+    real(wp), intent(in) :: time
     real(wp) :: step
     real(wp) :: turn
 
     step = min(pilot%step, problem%duration)
     if (problem%changing .or. .not. pilot%age < 1.0e3_wp*problem%duration .or. &
         .not. pilot%time < problem%duration) return
-    turn = turn_to_decay(problem, pilot)
+    turn = min(time, turn_to_decay(problem, pilot))
     step = pilot%step*((turn + pilot%age)/(pilot%time + pilot%age))**spreading_power* &
-           exp(min(100.0_wp, problem%slowest/3*(problem%duration - turn)))
+           exp(min(100.0_wp, problem%slowest/3*(time - turn)))
     step = min(step, problem%duration/problem%parts)
-  end function longest_ahead
+  end function step_at
 
   !> From when on the slowest mode decides, s
   pure function turn_to_decay(problem, pilot) result(turn)
@@ -331,24 +358,28 @@ contains
     stages = max(3.0_wp, 1 + 0.5_wp*(sqrt(9 + 8*problem%spectral_radius*problem%duration/ &
                                           cost%steps) - 1))
     cost%products = cost%steps*stages
-    cost%seconds = cost%products*stage_cost(problem)
+    cost%seconds = cost%products*(stage_cost(problem) + operator_seconds*problem%operations)
   end function rkl2_cost
 
-  !> Steps of TR-BDF2 with factors: two products and three solutions each.
+  !> Steps of TR-BDF2 with factors: two products and three solutions each, and where stages are
+  !> found by Newton's method one more of both for each stage.
   pure function tr_bdf2_cost(problem, steps) result(cost)
     type(problem_t), intent(in) :: problem
     real(wp), intent(in) :: steps
     type(method_cost_t) :: cost
     real(wp) :: in_matrix, in_factors
+    integer :: corrections
 
     cost%name = 'tr_bdf2'
     cost%steps = max(steps, problem%parts)
-    cost%products = 2*cost%steps
+    corrections = merge(4, 2, problem%reacting)
+    cost%products = corrections*cost%steps
     in_matrix = problem%entries + problem%rows
     in_factors = fill*in_matrix*log(max(2.0_wp, problem%rows))/log(2.0_wp)
-    cost%seconds = cost%products*stage_cost(problem) + &
-                   3*cost%steps*(slowdown(in_factors)*in_factors*solution_seconds + &
-                                 problem%rows*stage_seconds) + &
+    cost%seconds = cost%products*(stage_cost(problem) + operator_seconds*problem%operations) + &
+                   (corrections + 1)*cost%steps* &
+                   (slowdown(0.5_wp*in_factors, slower_solution)*in_factors*solution_seconds + &
+                    problem%rows*stage_seconds) + &
                    matrix_seconds*in_matrix + min(cost%steps, real(usual_factorisations, wp))* &
                    (factor_seconds*in_factors + operation_seconds*operations*in_matrix**1.5_wp)
   end function tr_bdf2_cost
@@ -358,23 +389,55 @@ contains
     type(problem_t), intent(in) :: problem
     real(wp), intent(in) :: roundness
     type(method_cost_t) :: cost
-    real(wp) :: decay, useful
+    real(wp) :: step, first, number, rate, products
 
     cost%name = 'exponential'
     cost%steps = series_needed(problem)
-    decay = problem%spectral_radius*problem%duration/cost%steps
-    ! On the real axis, and off it
-    useful = useful_roundness(roundness, problem%rough_part, decay, part_of(problem))
-    cost%products = 1 + exponential_terms(decay, part_of(problem), useful)
-    if (0.5_wp*decay*(1 - 1/cosh(roundness)) > 3 .and. .not. useful > 0) then
-      cost%products = max(cost%products, &
-                          1 + exponential_terms(decay, part_of(problem)/problem%rough_part, &
-                                                roundness/widening))
-    end if
-    cost%products = cost%steps*cost%products
-    cost%products = cost%products + trials_of(problem)
+    step = problem%duration/cost%steps
+    cost%products = trials_of(problem)
+    rate = problem%scale/problem%duration
+    ! Neighbouring series are much alike: of many in turn the first is foreseen.
+    first = 0
+    do while (first < cost%steps)
+      number = min(cost%steps - first, 1 + aint(first/8))
+      call foresee_series(problem, roundness, step, (first + 1)*step, rate, products)
+      cost%products = cost%products + number*products
+      first = first + number
+    end do
     cost%seconds = cost%products*stage_cost(problem)
   end function exponential_cost
+
+  !> The products of a series, and the rate that it leaves.
+  pure subroutine foresee_series(problem, roundness, step, time, rate, products)
+    type(problem_t), intent(in) :: problem
+    real(wp), intent(in) :: roundness
+    !> Its length and its end, s
+    real(wp), intent(in) :: step, time
+    !> The rate at its start and at its end, root mean square
+    real(wp), intent(inout) :: rate
+    real(wp), intent(out) :: products
+    real(wp) :: decay, useful, part, held, coefficients_left
+
+    decay = problem%spectral_radius*step
+    part = part_left*problem%tolerance/(step*rate)
+    held = huge(held)
+    if (problem%range < huge(1.0_wp)) held = problem%range/(step*rate)
+    ! On the real axis, and off it
+    useful = useful_roundness(roundness, problem%rough_part, decay, part)
+    products = 1 + exponential_terms(decay, part, useful, problem%slowest*step, held)
+    coefficients_left = least_left
+    if (useful > 0) then
+      coefficients_left = max(least_left, 1 - products/(0.5_wp*decay*tanh(useful)))
+    else if (0.5_wp*decay*(1 - 1/cosh(roundness)) > 3) then
+      products = max(products, 1 + exponential_terms(decay, part/problem%rough_part, &
+                                                     roundness/widening))
+    end if
+    if (.not. problem%range < huge(1.0_wp)) return
+    ! What has not decayed, and what the series left over: c_k being about 1/(z tanh g) until there,
+    ! A Δt times what is left of Σ c_k P_k F is about P_k F, which ended the series.
+    rate = min(rate, max(problem%range*left_of_rate(problem%slowest, time), &
+                         part_left*problem%tolerance/(step*coefficients_left)))
+  end subroutine foresee_series
 
   pure function series_needed(problem) result(number)
     type(problem_t), intent(in) :: problem
@@ -407,12 +470,14 @@ contains
 
     seconds = call_seconds + problem%rows*(row_seconds + stage_seconds) + &
               problem%entries*entry_seconds
-    seconds = slowdown(problem%entries)*seconds
+    seconds = slowdown(problem%entries, slower)*seconds
   end function stage_cost
 
   !> By how much what streams through so many entries takes longer than what stays in the cache
-  pure function slowdown(entries) result(factor)
+  pure function slowdown(entries, slower) result(factor)
     real(wp), intent(in) :: entries
+    !> Beyond either cache
+    real(wp), intent(in) :: slower(2)
     real(wp) :: factor
 
     factor = 1

@@ -88,6 +88,9 @@ module calor_scene
     character(len=:), allocatable :: method
     !> Whether 'auto' means RKL2, as for studies that vary the steps
     logical :: only_rkl2 = .false.
+    !> Whether 'auto' means the exponential propagator where it can be used, and RKL2 where not, for
+    !> runs so short that no trial would pay
+    logical :: without_trial = .false.
     !> Error that one step may make, as a fraction of the range of given temperatures; 0: not given
     real(wp) :: tolerance = 0.0_wp
     !> Whether only the steady temperature is asked for

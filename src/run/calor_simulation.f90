@@ -1358,10 +1358,6 @@ contains
   end subroutine prepare_coarser
 
   !> The same problem by a scheme of higher order, with which the error is carried along.
-  !>
-  !> On most clouds the solution of an odd order p has order p + 1, as that of p + 1 has: so the
-  !> reference is of order p + 2. An even order p makes do with p + 1 where there are too few
-  !> particles for the stencils of p + 2, and where these reach across interfaces between materials.
   subroutine prepare_estimate(this, error, further)
     class(simulation_t), intent(inout) :: this
     type(error_t), allocatable, intent(out) :: error
@@ -1379,13 +1375,11 @@ contains
     scene = this%scene
     scene%support_growth = .true.
     scene%order = lowest_reference_order
-    if (scene%laplacian == 'consistent' .and. this%scene%order >= lowest_reference_order) then
-      scene%order = this%scene%order + 2
+    if (scene%laplacian == 'consistent') then
       call read_materials(scene%file, materials, error)
       if (allocated(error)) return
-      if (mod(scene%order, 2) == 0 .and. (allocated(materials%list) .or. &
-                                          this%cloud%particles() < roomy*monomials(scene%order + 1))) &
-        scene%order = scene%order - 1
+      scene%order = reference_order(this%scene%order, this%cloud%particles(), &
+                                    allocated(materials%list))
     end if
     scene%laplacian = 'consistent'
     scene%support = usual_support('consistent', scene%order)
@@ -1421,6 +1415,24 @@ contains
     if (.not. allocated(this%content)) return
     this%estimate%error = this%estimate%error/this%temperature_slope()
   end subroutine prepare_estimate
+
+  !> Of which order the scheme is that tells the error of one of a given order.
+  !>
+  !> On most clouds the solution of an odd order p has order p + 1, as that of p + 1 has: so it is
+  !> p + 2. An even order p makes do with p + 1 where there are too few particles for the stencils
+  !> of p + 2, and where these reach across interfaces between materials.
+  pure function reference_order(order, particles, across) result(reference)
+    !> That order, and the number of particles
+    integer, intent(in) :: order, particles
+    !> Whether there are interfaces
+    logical, intent(in) :: across
+    integer :: reference
+
+    reference = lowest_reference_order
+    if (order >= lowest_reference_order) reference = order + 2
+    if (mod(reference, 2) > 0) return
+    if (across .or. particles < roomy*monomials(reference + 1)) reference = reference - 1
+  end function reference_order
 
   !> The temperature at the start, but for held walls, and the true temperature if it is known.
   subroutine start_temperature(this, error)
@@ -1677,8 +1689,10 @@ contains
 
     steps%rows = this%conduction%laplacian%rows()
     steps%entries = size(this%conduction%laplacian%weight)
+    steps%operations = this%conduction%operations()
     steps%fastest_decay = this%conduction%fastest_decay()
     steps%growth_rate = this%rightmost%growth_rate
+    steps%slowest_decay = this%rightmost%slowest_decay
     call steps%choose(this%scene, this%conduction, this%temperature, this%state(), &
                       make_usual_integrator, this%stepper, error)
     this%method = steps%method

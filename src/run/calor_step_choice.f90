@@ -22,13 +22,17 @@ module calor_step_choice
   real(wp), parameter :: default_tolerance = 1.0e-6_wp
   !> Beyond so many steps of forward Euler a time cannot be stepped to
   real(wp), parameter :: most_euler_steps = 1.0e15_wp
+  !> What is less than that part of a rate is left over by rounding
+  real(wp), parameter :: rounding = 1.0e-9_wp
 
   !> What is known of the rows, and what follows from it
   type :: step_choice_t
-    !> Rows, and entries beside the diagonal, of all processes
-    real(wp) :: rows = 0.0_wp, entries = 0.0_wp
-    !> As `conduction%fastest_decay()` had it, and the growth rate of the rightmost mode, 1/s
-    real(wp) :: fastest_decay = 0.0_wp, growth_rate = 0.0_wp
+    !> Rows, and entries beside the diagonal, of all processes, and operators of expressions in a
+    !> rate
+    real(wp) :: rows = 0.0_wp, entries = 0.0_wp, operations = 0.0_wp
+    !> As `conduction%fastest_decay()` had it, the growth rate of the rightmost mode, and
+    !> the slowest decay of any that decays, 1/s; 0: not known
+    real(wp) :: fastest_decay = 0.0_wp, growth_rate = 0.0_wp, slowest_decay = 0.0_wp
     !> The method, and why; that is not allocated where the scene names it
     character(len=:), allocatable :: method
     type(method_choice_t), allocatable :: choice
@@ -127,12 +131,16 @@ contains
     trial%longest_step = trial%integrator%longest_stable_step(trial%spectral_radius)
     problem%rows = this%rows
     problem%entries = this%entries
+    problem%operations = this%operations
     problem%spectral_radius = trial%spectral_radius
     problem%duration = scene%time%end
     problem%parts = states_after_start(scene)
     problem%tolerance = tolerance
-    problem%linear = conduction%is_linear() .and. .not. conduction%depends_on_time()
+    ! Where a mode grows, one long step would end beyond the last good state.
+    problem%linear = conduction%is_linear() .and. .not. conduction%depends_on_time() .and. &
+                     .not. this%growth_rate > rounding*trial%spectral_radius
     problem%implicit = .not. allocated(conduction%content)
+    problem%reacting = .not. conduction%is_linear()
     problem%changing = conduction%depends_on_time()
     if (problem%linear) then
       ! Only a decay that was found is known.
@@ -141,6 +149,7 @@ contains
       call conduction%rate(0.0_wp, temperature, rate)
       problem%scale = max(tiny(1.0_wp)**0.25_wp, problem%duration* &
                           conduction%root_mean_square(rate))
+      call find_decay()
     else
       call trial%propose_first(conduction, 0.0_wp, state)
     end if
@@ -153,6 +162,27 @@ contains
     end if
     this%method = this%choice%method
     call make(this%method, conduction, stepper%integrator, error)
+
+  contains
+
+    !> How the rate decays: where a uniform temperature stays, as no wall is held, only where
+    !> nothing heats for ever; where effects go with the temperature, the modes of conduction do not
+    !> tell.
+    subroutine find_decay()
+      real(wp), allocatable :: product(:)
+
+      if (allocated(conduction%slope) .or. .not. this%slowest_decay > 0) return
+      if (.not. this%growth_rate <= -this%slowest_decay) then
+        ! F(u) = A u + b
+        allocate (product(size(temperature)))
+        call conduction%jacobian_product(temperature, product)
+        call conduction%clear_prescribed(rate)
+        if (.not. conduction%root_mean_square(rate - product) <= &
+            rounding*conduction%root_mean_square(rate)) return
+      end if
+      problem%slowest = this%slowest_decay
+      problem%range = conduction%temperature_scale()
+    end subroutine find_decay
   end subroutine choose_method
 
   !> Choose the integrator and its steps.
@@ -174,15 +204,20 @@ contains
 
     associate (time => scene%time)
       this%method = time%method
-      if (this%method == 'auto') this%method = 'rkl2'
+      if (this%method == 'auto') then
+        this%method = 'rkl2'
+        if (time%without_trial .and. conduction%is_linear() .and. &
+            .not. conduction%depends_on_time() .and. .not. scene%motion%in_force .and. &
+            .not. time%step > 0) this%method = 'exponential'
+      end if
       call make(this%method, conduction, stepper%integrator, error)
       if (allocated(error)) return
       scale = conduction%temperature_scale()
       tolerance = default_tolerance*scale
       if (time%tolerance > 0) tolerance = time%tolerance*scale
       ! Rows that change with the motion would have to be factorised anew each time.
-      if (time%method == 'auto' .and. .not. time%step > 0 .and. .not. time%only_rkl2 .and. &
-          .not. scene%motion%in_force) then
+      if (time%method == 'auto' .and. .not. (time%step > 0 .or. time%only_rkl2 .or. &
+                                             time%without_trial .or. scene%motion%in_force)) then
         call this%choose_method(scene, conduction, temperature, state, make, tolerance, stepper, &
                                 error)
         if (allocated(error)) return

@@ -11,6 +11,7 @@
 !> target, what was learned goes into another choice.
 module calor_accuracy_target
   use calor_error, only: error_t, raise, status_bad_input, status_bad_numbers
+  use calor_exponential, only: exponential_terms, part_left
   use calor_integrators, only: make_integrator
   use calor_kinds, only: wp
   use calor_laplacian_schemes, only: usual_support
@@ -67,6 +68,8 @@ module calor_accuracy_target
     !> Error allowed in each step, as a part of the range of temperatures; and the sum of what the
     !> steps made of it, as a part of the temperature at the end
     real(wp) :: tolerance = 0.0_wp, time_error = 0.0_wp
+    !> Whether it steps by the exponential propagator
+    logical :: exponential = .false.
     !> Whether it is a short run of which only figures are kept
     logical :: pilot = .true.
   end type attempt_t
@@ -263,7 +266,7 @@ contains
     end if
     variant%domain%spacing = attempt%spacing
     variant%accuracy%estimate = .true.
-    if (scene%time%method == 'auto') variant%time%method = 'rkl2'
+    variant%time%without_trial = .true.
     if (.not. scene%time%step > 0) variant%time%tolerance = attempt%tolerance
     if (attempt%pilot) variant%output%file = ''
     call this%simulation%prepare(variant, error, uncertified=attempt%pilot)
@@ -271,7 +274,9 @@ contains
     associate (simulation => this%simulation)
       attempt%particles = simulation%cloud%particles()
       attempt%spectral_radius = simulation%stepper%spectral_radius
-      if (scene%time%method == 'auto' .and. .not. (scene%time%step > 0 .or. scene%time%steady)) then
+      attempt%exponential = simulation%method == 'exponential'
+      if (scene%time%method == 'auto' .and. simulation%method == 'rkl2' .and. &
+          .not. (scene%time%step > 0 .or. scene%time%steady)) then
         call take_cheaper_steps(simulation, attempt%tolerance)
       end if
       call simulation%run(error, observer)
@@ -474,7 +479,7 @@ contains
                                               known%time_error)**1.5_wp
   end subroutine set_tolerance
 
-  !> Evaluations that a run needs, by the cheaper of two integrators.
+  !> Evaluations that a run needs, by the exponential propagator or by the cheaper of two others.
   function likely_evaluations(scene, candidate, spectral_radius) result(evaluations)
     type(scene_t), intent(in) :: scene
     type(attempt_t), intent(in) :: candidate
@@ -484,6 +489,10 @@ contains
     real(wp) :: decay
 
     decay = spectral_radius*scene%time%end
+    if (candidate%exponential) then
+      evaluations = exponential_terms(decay, part_left*candidate%tolerance, 0.0_wp)
+      return
+    end if
     evaluations = min(4*decay/2.5_wp, rkl2_evaluations(decay, likely_steps(candidate%tolerance)))
   end function likely_evaluations
 

@@ -17,14 +17,17 @@ module calor_stepper_study
   public :: write_stepper_table, stepper_scene, stepper_scene_name, stepper_scenes
 
   !> Number of scenes; the first is small enough for a test
-  integer, parameter :: stepper_scenes = 9
+  integer, parameter :: stepper_scenes = 14
 
   character(len=*), parameter :: &
     plate = '&domain x_range = 0, 1 y_range = 0, 1 arrangement = "jittered" jitter = 0.2 ', &
     bump = '&initial temperature_expression = "sin(pi*x)*sin(pi*y)" / ', &
     jump = '&initial temperature_expression = "x > 0.5" / ', &
     cold = '&boundary on = "all" kind = "temperature" value = 0 / ', &
-    closed = '&boundary on = "all" kind = "insulated" / '
+    closed = '&boundary on = "all" kind = "insulated" / ', &
+    hot_right = '&initial temperature = 300 / '//closed// &
+    '&boundary on = "left" kind = "temperature" value = 300 / '// &
+    '&boundary on = "right" kind = "radiation" emissivity = 1 ambient = 800 / '
 
 contains
 
@@ -50,8 +53,18 @@ contains
       name = 'insulated slab with a jump, 10,201, t = 10 s'
     case (8)
       name = 'disc with convection, 3,000, t = 0.5 s'
-    case default
+    case (9)
       name = 'plate with radiation, 1,681, t = 1 s'
+    case (10)
+      name = 'plate with radiation, 1,681, order 4, t = 1 s'
+    case (11)
+      name = 'wall that swings as sin(20 t), 1,681, t = 2 s'
+    case (12)
+      name = 'the same around a wall with convection'
+    case (13)
+      name = 'source that swings as 1 + sin(20 t), 1,681, t = 2 s'
+    case default
+      name = 'two slabs, conductivities 1 and 1000, 1,681, t = 0.05 s'
     end select
   end function stepper_scene_name
 
@@ -88,13 +101,31 @@ contains
              '&scheme laplacian = "fatehi_manzari" / &initial temperature = 1 / '// &
              '&boundary on = "all" kind = "convection" coefficient = 2 ambient = 0 / '// &
              '&time end = 0.5 '
-    case default
+    case (9)
+      text = plate//'spacing = 0.025 / &scheme laplacian = "fatehi_manzari" / '//hot_right// &
+             '&time end = 1 '
+    case (10)
+      text = plate//'spacing = 0.025 / &scheme laplacian = "consistent" order = 4 / '// &
+             hot_right//'&time end = 1 '
+    case (11)
       text = plate//'spacing = 0.025 / &scheme laplacian = "fatehi_manzari" / '// &
-             '&initial temperature = 300 / '// &
-             '&boundary on = "left" kind = "temperature" value = 300 / '// &
-             '&boundary on = "right" kind = "radiation" emissivity = 1 ambient = 800 / '// &
-             '&boundary on = "bottom" kind = "insulated" / '// &
-             '&boundary on = "top" kind = "insulated" / &time end = 1 '
+             '&initial temperature = 0 / '//closed//'&boundary on = "left" '// &
+             'kind = "temperature" value_expression = "sin(20*t)" / &time end = 2 '
+    case (12)
+      text = plate//'spacing = 0.025 / &scheme laplacian = "fatehi_manzari" / '// &
+             '&initial temperature = 0 / '//closed//'&boundary on = "left" '// &
+             'kind = "convection" coefficient = 10 ambient_expression = "sin(20*t)" / '// &
+             '&time end = 2 '
+    case (13)
+      text = plate//'spacing = 0.025 / &scheme laplacian = "fatehi_manzari" / '// &
+             '&initial temperature = 0 / '//cold//'&source power_expression = '// &
+             '"10*(1 + sin(20*t))*exp(-((x-0.5)^2 + (y-0.5)^2)/0.02)" / &time end = 2 '
+    case default
+      text = plate//'spacing = 0.025 / &scheme laplacian = "consistent" order = 2 / '// &
+             '&initial temperature_expression = "1 - x" / &material conductivity = 1 / '// &
+             '&material conductivity = 1000 where_expression = "x > 0.5" / '//closed// &
+             '&boundary on = "left" kind = "temperature" value = 1 / '// &
+             '&boundary on = "right" kind = "temperature" value = 0 / &time end = 0.05 '
     end select
     text = text//'method = "'//method//'" / '
   end function stepper_scene

@@ -15,9 +15,9 @@
 !> e varies as slowly as the solution does, not as its steps are short: it is advanced over
 !> intervals of many steps, within which τ is taken as linear in time.
 !>
-!> Where F and F_p are linear and do not change with time, e = U - u holds exactly, and w = U - u_0
-!> obeys w_t = F_p' w + F_p(u_0), w(0) = e(0), u_0 being the solution at the start of an interval. The
-!> exponential propagator carries w over intervals of any length.
+!> Where F and F_p are linear and do not change with time, U itself is found: w = U - u_0 obeys
+!> w_t = F_p' w + F_p(u_0), w(0) = e(0), u_0 being the solution at the start of an interval, and e
+!> is u_0 + w - u at its end. The exponential propagator carries w over intervals of any length.
 module calor_error_transport
   use calor_constants, only: worth_threads
   use calor_error, only: error_t

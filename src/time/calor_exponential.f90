@@ -19,7 +19,7 @@
 !> P. Novati, An interpolatory approximation of the matrix exponential based on Faber polynomials,
 !> J. Comput. Appl. Math. 131 (2001) 361–380.
 module calor_exponential
-  use calor_constants, only: pi, worth_threads
+  use calor_constants, only: worth_threads
   use calor_evolution, only: evolution_t
   use calor_integrator, only: integrator_t
   use calor_kinds, only: wp, i8
@@ -27,8 +27,8 @@ module calor_exponential
   implicit none (type, external)
   private
 
-  public :: exponential_t, exponential_terms, find_roundness, longest_series, part_left, &
-            part_off_axis, trial_terms, useful_roundness, widening
+  public :: exponential_t, exponential_terms, find_roundness, left_of_rate, longest_series, &
+            part_left, part_off_axis, trial_terms, useful_roundness, widening
 
   !> The series ends when what it leaves over should be this part of the tolerance …
   real(wp), parameter :: part_left = 0.1_wp
@@ -92,27 +92,38 @@ module calor_exponential
 contains
 
   !> So many terms leave an error of about that part of Δt F.
-  pure function exponential_terms(decay, part, roundness) result(terms)
+  pure function exponential_terms(decay, part, roundness, slowest, held) result(terms)
     !> Spectral radius times step
     real(wp), intent(in) :: decay
     !> The part
     real(wp), intent(in) :: part
     !> Of the ellipse; 0: an interval
     real(wp), intent(in) :: roundness
+    !> The slowest decay in F times the step, and what modes of a decay may hold of F, divided by
+    !> that times the step; both given: what decays faster lies within the ellipse, where
+    !> polynomials fall
+    real(wp), intent(in), optional :: slowest, held
     real(wp) :: terms
-    real(wp) :: z, digits, low, high, middle, flat
+    real(wp) :: z, digits, low, high, middle, flat, slow, hold
     integer :: k
+
+    slow = 0
+    hold = huge(hold)
+    if (present(slowest) .and. present(held)) then
+      slow = slowest
+      hold = held
+    end if
 
     ! Coefficient k is 2 exp(k g - z) I_k(z / cosh g), and I_k(y) about
     ! exp(√(k² + y²) - k asinh(k/y)): largest, about 1, at k = z tanh g.
     z = 0.5_wp*max(decay, tiny(decay)**0.25_wp)
     flat = z/cosh(roundness)
-    digits = log(1/min(max(part, epsilon(part)), 0.5_wp))
-    low = z*tanh(roundness)
-    high = low + sqrt(2*z*digits) + digits + 4
+    digits = log(1/min(max(part, epsilon(part)), 1.0_wp))
+    low = 0
+    high = z*tanh(roundness) + sqrt(2*z*digits) + digits + 4
     do k = 1, 40
       middle = 0.5_wp*(low + high)
-      if (z + middle*asinh(middle/flat) - hypot(middle, flat) - middle*roundness < digits) then
+      if (fallen_coefficients(middle) + fallen_polynomials(middle) < digits) then
         low = middle
       else
         high = middle
@@ -120,7 +131,49 @@ contains
     end do
     ! … and those after which the series is seen to be good enough
     terms = high + 1 + 1.25_wp*terms_between
+
+  contains
+
+    !> -ln of the coefficients left after so many
+    pure function fallen_coefficients(term) result(fallen)
+      real(wp), intent(in) :: term
+      real(wp) :: fallen
+
+      fallen = 0
+      if (term > z*tanh(roundness)) then
+        fallen = z + term*asinh(term/flat) - hypot(term, flat) - term*roundness
+      end if
+    end function fallen_coefficients
+
+    !> -ln of that polynomial times F, as a part of F. At -m it is exp(-k m/(z tanh g)), and modes
+    !> of that decay hold m times their share; those off the axis do not reach the ellipse, as it
+    !> is wider than they need.
+    pure function fallen_polynomials(term) result(fallen)
+      real(wp), intent(in) :: term
+      real(wp) :: fallen
+      real(wp) :: time
+
+      fallen = 0
+      if (.not. (roundness > 0 .and. hold < huge(hold))) return
+      time = term/(z*tanh(roundness))
+      fallen = max(slow*time, -log(hold) - log(left_of_rate(slow, time)))
+      fallen = min(fallen, term*roundness*(1 - 1/widening))
+    end function fallen_polynomials
   end function exponential_terms
+
+  !> The largest m exp(-m t) for a decay m from the slowest on: what modes of like amplitude have at
+  !> most for a rate after that time.
+  pure function left_of_rate(slowest, time) result(rate)
+    real(wp), intent(in) :: slowest
+    real(wp), intent(in) :: time
+    real(wp) :: rate
+
+    if (slowest*time < 1) then
+      rate = exp(-1.0_wp)/max(time, tiny(time)**0.25_wp)
+    else
+      rate = slowest*exp(-min(600.0_wp, slowest*time))
+    end if
+  end function left_of_rate
 
   !> That of the longest series
   pure function longest_stable_step(this, spectral_radius) result(step)
@@ -423,6 +476,10 @@ contains
     this%error_factor = step*this%left(term)
     local_error = max(this%error_factor*envelope, &
                       epsilon(step)*step*start_size)
+    ! What rounding leaves no step can mend.
+    if (this%tolerance > 0 .and. local_error <= accuracy) then
+      local_error = min(local_error, this%tolerance)
+    end if
   end subroutine sum_series
 
   !> The next polynomial, which takes the place of the one before the last, and its term.
@@ -446,15 +503,20 @@ contains
     !$omp end parallel do
   end subroutine add_term
 
-  !> Coefficients of φ(Δt λ/2 (x/cosh g - 1)) in Tₖ(x) exp(-k g), by a discrete Fourier transform on
-  !> the ellipse x = cosh(g + iθ).
+  !> Coefficients of φ(z (x/cosh g - 1)), z = Δt λ/2, in Tₖ(x) exp(-k g).
+  !>
+  !> Those of the exponential function, eₖ = 2 exp(k g - z) Iₖ(z/cosh g), follow from the recurrence
+  !> of the Bessel functions downwards (J.C.P. Miller), and their sum at x = cosh g, where the
+  !> function is 1. As x φ(x) = exp x - 1, those of φ obey cₖ₋₁ - cₖ = exp(-2g) (cₖ - cₖ₊₁) +
+  !> (1 + exp(-2g)) eₖ/z. No sum has terms of both signs: rounding errors stay small.
   subroutine find_coefficients(this, step, spectral_radius)
     class(exponential_t), intent(inout) :: this
     real(wp), intent(in) :: step
     real(wp), intent(in) :: spectral_radius
-    complex(wp), allocatable :: value(:), turn(:)
-    real(wp) :: z, angle
-    integer :: terms, nodes, k
+    real(wp), parameter :: large = 1.0e200_wp
+    real(wp), allocatable :: of_exp(:)
+    real(wp) :: z, inward, total, difference
+    integer :: terms, k
 
     if (all(abs([step, spectral_radius, this%roundness] - this%made_for) <= &
             1.0e-11_wp*abs(this%made_for))) return
@@ -462,39 +524,33 @@ contains
     if (allocated(this%coefficient)) deallocate (this%coefficient, this%left)
     z = 0.5_wp*step*spectral_radius
     terms = ceiling(1.1_wp*exponential_terms(2*z, epsilon(step), this%roundness)) + 10
-    nodes = terms + terms/4 + 8
-    allocate (this%coefficient(0:terms), this%left(0:terms), value(nodes), turn(nodes))
-    do k = 1, nodes
-      angle = (k - 0.5_wp)*pi/nodes
-      turn(k) = exp(cmplx(0.0_wp, -angle, wp))
-      value(k) = phi(z*(cosh(cmplx(this%roundness, angle, wp))/cosh(this%roundness) - 1))*2/nodes
+    allocate (this%coefficient(0:terms), this%left(0:terms), of_exp(0:terms + 1))
+    inward = exp(-this%roundness)
+    of_exp(terms + 1) = 0
+    of_exp(terms) = 1
+    do k = terms, 1, -1
+      of_exp(k - 1) = inward**2*of_exp(k + 1) + &
+                      inward*cosh(this%roundness)*2*k/z*of_exp(k)
+      if (of_exp(k - 1) > large) of_exp(k - 1:) = of_exp(k - 1:)/large
     end do
-    do k = 0, terms
-      this%coefficient(k) = sum(real(value, wp))
-      value = value*turn
+    total = 0.5_wp*of_exp(0)
+    do k = 1, terms
+      total = total + 0.5_wp*(1 + exp(-2*k*this%roundness))*of_exp(k)
+    end do
+    of_exp = of_exp/total
+
+    this%coefficient(terms) = 0
+    difference = 0
+    do k = terms, 1, -1
+      difference = inward**2*difference + (1 + inward**2)*of_exp(k)/z
+      this%coefficient(k - 1) = this%coefficient(k) + difference
     end do
     this%coefficient(0) = 0.5_wp*this%coefficient(0)
-    this%left(terms) = abs(this%coefficient(terms))
+    this%left(terms) = 0
     do k = terms - 1, 0, -1
-      this%left(k) = this%left(k + 1) + abs(this%coefficient(k + 1))
+      this%left(k) = this%left(k + 1) + this%coefficient(k + 1)
     end do
   end subroutine find_coefficients
-
-  !> (exp z - 1)/z; near 0 its Taylor series.
-  elemental function phi(z)
-    complex(wp), intent(in) :: z
-    complex(wp) :: phi
-    integer :: k
-
-    if (abs(z) > 0.5_wp) then
-      phi = (exp(z) - 1)/z
-    else
-      phi = 1
-      do k = 14, 2, -1
-        phi = 1 + phi*z/k
-      end do
-    end if
-  end function phi
 
   !> The series' last polynomial times what is left of the coefficients
   subroutine add_step_error(this, step, total)

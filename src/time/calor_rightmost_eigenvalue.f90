@@ -25,6 +25,8 @@ module calor_rightmost_eigenvalue
   type :: rightmost_t
     !> Its real and imaginary part, 1/s
     real(wp) :: growth_rate = 0.0_wp, frequency = 0.0_wp
+    !> The slowest decay that is not 0 but for rounding, 1/s; 0: not known
+    real(wp) :: slowest_decay = 0.0_wp
     !> Whether the search converged; if not, the true real part may be larger
     logical :: converged = .false.
     !> How it was found, in a few words
@@ -35,7 +37,7 @@ module calor_rightmost_eigenvalue
 
   !> Systems up to this size are solved densely, and larger ones up to the other if the iteration
   !> fails, as it may where a lattice has many equal eigenvalues
-  integer, parameter :: always_dense = 100, largest_dense = 400
+  integer, parameter :: always_dense = 50, largest_dense = 400
   !> Degree of the polynomial: the higher, the better it tells slow modes apart. Where no mode is as
   !> slow as that, it is halved, as often as it takes
   integer, parameter :: highest_degree = 31, lowest_degree = 7
@@ -49,6 +51,8 @@ module calor_rightmost_eigenvalue
   !> Eigenvalues wanted: one may be 0, of an insulated body. ARPACK takes one more where a pair
   !> would be torn apart
   integer, parameter :: most_wanted = 2
+  !> Decay slower than that part of the spectral radius is none
+  real(wp), parameter :: no_decay = 1.0e-11_wp
   !> Vectors of the Krylov space
   integer, parameter :: krylov_size = 12
   !> Accuracy of the polynomial's eigenvalues; an eigenvalue 0 of the Jacobian has to be found as 0
@@ -82,11 +86,25 @@ contains
       k = maxloc(real_parts, dim=1)
       rightmost%growth_rate = real_parts(k)
       rightmost%frequency = abs(imaginary_parts(k))
+      rightmost%slowest_decay = slowest_of(-real_parts, spectral_radius)
       rightmost%converged = .true.
       rightmost%method = 'all eigenvalues by LAPACK'
       if (rightmost%growth_rate > 0) call find_place(evolution, free, rightmost)
     end if
   end subroutine find_rightmost
+
+  !> Of some decays the slowest that is one; 0: none is
+  pure function slowest_of(decays, spectral_radius) result(slowest)
+    !> 1/s
+    real(wp), intent(in) :: decays(:)
+    real(wp), intent(in) :: spectral_radius
+    real(wp) :: slowest
+
+    slowest = 0
+    if (any(decays > no_decay*spectral_radius)) then
+      slowest = minval(decays, decays > no_decay*spectral_radius)
+    end if
+  end function slowest_of
 
   !> All eigenvalues of the Jacobian at the entries that are not prescribed: for small systems.
   subroutine jacobian_spectrum(evolution, real_parts, imaginary_parts)
@@ -185,7 +203,7 @@ contains
     half_height = 0
     do attempt = 1, most_ellipses
       focus = sqrt(half_width**2 - half_height**2)
-      call search(evolution, degree, centre, focus, rightmost, least, highest)
+      call search(evolution, spectral_radius, degree, centre, focus, rightmost, least, highest)
       if (rightmost%growth_rate > 0) return
       at_zero = cosh(degree*acosh(-centre/focus))
       all_fast = rightmost%growth_rate <= -slow_part*margin*spectral_radius
@@ -200,8 +218,10 @@ contains
   end subroutine try_ellipses
 
   !> ARPACK on one polynomial.
-  subroutine search(evolution, degree, centre, focus, rightmost, least, highest)
+  subroutine search(evolution, spectral_radius, degree, centre, focus, rightmost, least, highest)
     class(evolution_t), intent(inout) :: evolution
+    !> 1/s
+    real(wp), intent(in) :: spectral_radius
     !> Degree of the polynomial
     integer, intent(in) :: degree
     !> Centre of the ellipse, and half the distance between its foci, 1/s
@@ -253,7 +273,7 @@ contains
       dr(1) = 1
     end if
     least = sqrt(minval(dr**2 + di**2, dr**2 + di**2 > 0))
-    call judge(evolution, dr, di, vectors, rightmost, highest)
+    call judge(evolution, spectral_radius, dr, di, vectors, rightmost, highest)
   end subroutine search
 
   !> The Chebyshev polynomial of the Jacobian times a vector.
@@ -306,8 +326,10 @@ contains
 
   !> Of some eigenvectors the one whose Rayleigh quotient with the Jacobian has the largest real
   !> part.
-  subroutine judge(evolution, dr, di, vectors, rightmost, highest)
+  subroutine judge(evolution, spectral_radius, dr, di, vectors, rightmost, highest)
     class(evolution_t), intent(inout) :: evolution
+    !> 1/s
+    real(wp), intent(in) :: spectral_radius
     !> The polynomial's eigenvalues, those of a pair one after another; 0 where there is none
     real(wp), intent(in), contiguous :: dr(:), di(:)
     !> Its eigenvectors: of a pair first the real and then the imaginary part
@@ -316,11 +338,12 @@ contains
     !> The largest imaginary part of any of them
     real(wp), intent(out) :: highest
     real(wp), allocatable :: a(:), b(:), ja(:), jb(:)
-    real(wp) :: norm, growth_rate, frequency
+    real(wp) :: norm, growth_rate, frequency, decays(size(dr))
     integer :: k
 
     rightmost%growth_rate = -huge(1.0_wp)
     highest = 0
+    decays = 0
     allocate (a(size(vectors, 1)), b(size(vectors, 1)), ja(size(vectors, 1)), jb(size(vectors, 1)))
     do k = 1, size(dr)
       if (.not. dr(k)**2 + di(k)**2 > 0) cycle
@@ -335,11 +358,13 @@ contains
       growth_rate = (evolution%dot(a, ja) + evolution%dot(b, jb))/norm
       frequency = abs(evolution%dot(a, jb) - evolution%dot(b, ja))/norm
       highest = max(highest, frequency)
+      decays(k) = -growth_rate
       if (growth_rate <= rightmost%growth_rate) cycle
       rightmost%growth_rate = growth_rate
       rightmost%frequency = frequency
       rightmost%place = maxloc(a**2 + b**2, dim=1)
     end do
+    rightmost%slowest_decay = slowest_of(decays, spectral_radius)
   end subroutine judge
 
 end module calor_rightmost_eigenvalue

@@ -15,7 +15,7 @@ module calor_spectral_radius
   !> What is found is enlarged by this factor
   real(wp), parameter :: safety = 1.01_wp
   !> Systems up to this size are solved densely
-  integer, parameter :: largest_dense = 100
+  integer, parameter :: largest_dense = 50
   !> The search ends when the eigenvalues are known to this fraction …
   real(wp), parameter :: accuracy = 5.0e-3_wp
   !> … or after this many restarts
