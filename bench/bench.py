@@ -189,7 +189,7 @@ def measure_steps(bench, sizes):
             program = Program(bench, intervals_for(particles), threads)
             for support in (2.1, 2.7):
                 rest = program.ask(f"rows fatehi_manzari 0 {support}")[1:]
-                names = ["triad", "stage", "rate", "csr"]
+                names = ["triad", "stage", "forced", "rate", "csr"]
                 if library and program.ask("mkl " + library[0]) == [1]:
                     names.append("product")
                 measurements = {name: (lambda name=name: program.ask(name)) for name in names}

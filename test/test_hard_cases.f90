@@ -589,7 +589,7 @@ contains
     type(row_repairs_t) :: repairs
     type(rkl2_t) :: rkl2
     type(error_t), allocatable :: failure
-    real(wp), allocatable :: radius(:), real_part(:), imaginary_part(:)
+    real(wp), allocatable :: radius(:), real_part(:), imaginary_part(:), work(:)
     real(wp) :: support, spectral_radius, step
     integer :: k, number, stages
     character(len=:), allocatable :: name
@@ -604,7 +604,9 @@ contains
         spectral_radius = estimate_spectral_radius(conduction, conduction%spectral_bound())
         rkl2 = rkl2_t()
         step = rkl2%longest_stable_step(spectral_radius)
-        call rkl2%shorten_step(conduction, spectral_radius, step)
+        allocate (work(conduction%unknowns()))
+        call rkl2%shorten_step(conduction, spectral_radius, step, work)
+        deallocate (work)
         stages = rkl2_stages(step, spectral_radius)
         call check(error, amplification(stages, step, real_part, imaginary_part) <= 1, name// &
                    ': '//to_text(stages)//' stages are too many')

@@ -15,12 +15,15 @@ module test_time
   public :: collect_time
 
   !> u_k' = λ_k (u_k - g(t)) + g'(t) with g = sin t: every component tends to g at its own rate.
-  !> With `held`, component 1 is prescribed as g(t).
+  !> With `held`, component 1 is prescribed as g(t). Without forcing the problem is linear and knows
+  !> no time, if it is `told`, and tends to `level`.
   type, extends(evolution_t) :: decay_t
     real(wp), allocatable :: lambda(:)
-    real(wp) :: forcing = 1.0_wp
-    logical :: held = .false.
+    real(wp) :: forcing = 1.0_wp, level = 0.0_wp
+    logical :: held = .false., told = .true.
   contains
+    procedure :: is_linear
+    procedure :: depends_on_time
     procedure :: unknowns
     procedure :: rate
     procedure :: jacobian_product
@@ -38,6 +41,8 @@ contains
                 new_unittest('forward Euler is of first order', test_euler_order), &
                 new_unittest('Runge-Kutta is of fourth order', test_runge_kutta_order), &
                 new_unittest('RKL2 is of second order', test_rkl2_order), &
+                new_unittest('RKL2 on linear problems takes terms of a recurrence', &
+                             test_rkl2_terms), &
                 new_unittest('RKL2 is of second order for any number of stages', &
                              test_rkl2_stages), &
                 new_unittest('stability limits are sharp', test_limits), &
@@ -233,6 +238,64 @@ contains
     end do
   end subroutine test_error_control
 
+  !> One step from stages and one from terms of Legendre's recurrence, 3 to 301 of them, are the
+  !> stability polynomial's value; what is steady stays so to the last bit.
+  subroutine test_rkl2_terms(error)
+    type(error_type), allocatable, intent(out) :: error
+    integer, parameter :: stages(5) = [3, 5, 21, 101, 301]
+    class(integrator_t), allocatable :: integrator
+    type(error_t), allocatable :: failure
+    type(decay_t) :: decay
+    real(wp) :: u(5), next(5), estimate, earlier, limit, rounding
+    integer :: k, pass
+
+    decay%lambda = [0.0_wp, -1.0e-3_wp, -0.1_wp, -0.7_wp, -1.0_wp]
+    decay%forcing = 0
+    decay%level = 0.3_wp
+    u = [1/3.0_wp, 1.0_wp, -1.0_wp, 0.5_wp, 2.0_wp]
+    do k = 1, size(stages)
+      limit = 0.5_wp*(real(stages(k), wp)**2 + stages(k) - 2)*0.9999_wp
+      do pass = 1, 2
+        decay%told = pass == 2
+        call make_integrator('rkl2', integrator, failure)
+        call integrator%advance(decay, 0.0_wp, limit, 1.0_wp, u, next, estimate)
+        ! Rounding 1 + w₁ z counts P_s'(1) = s (s + 1)/2 times; numbers are up to 2
+        rounding = 4*real(stages(k), wp)**2*epsilon(1.0_wp)
+        call check(error, maxval(abs(next - decay%level - (u - decay%level)* &
+                                     amplification(stages(k), limit*decay%lambda))) < rounding)
+        if (allocated(error)) return
+        if (pass == 1) earlier = estimate
+      end do
+      call check(error, next(1), u(1))
+      if (allocated(error)) return
+      ! The defect has a rate times half the step, which is up to s²/4.
+      call check(error, abs(estimate - earlier) < rounding*limit)
+      if (allocated(error)) return
+    end do
+  end subroutine test_rkl2_terms
+
+  !> What RKL2 makes of a mode in a step: 1 - b + b P_s(1 + w₁ z), with Legendre's polynomial
+  elemental function amplification(stages, z) result(factor)
+    integer, intent(in) :: stages
+    !> Eigenvalue times step
+    real(wp), intent(in) :: z
+    real(wp) :: factor
+    real(wp) :: b, before, earlier, place, s
+    integer :: j
+
+    s = stages
+    b = (s**2 + s - 2)/(2*s*(s + 1))
+    place = 1 + 4*z/(s**2 + s - 2)
+    before = 1
+    factor = place
+    do j = 2, stages
+      earlier = before
+      before = factor
+      factor = ((2*j - 1)*place*before - (j - 1)*earlier)/j
+    end do
+    factor = 1 - b + b*factor
+  end function amplification
+
   subroutine test_prescribed(error)
     type(error_type), allocatable, intent(out) :: error
     type(decay_t) :: decay
@@ -297,13 +360,27 @@ contains
     number = size(this%lambda)
   end function unknowns
 
+  pure function is_linear(this) result(answer)
+    class(decay_t), intent(in) :: this
+    logical :: answer
+
+    answer = this%told
+  end function is_linear
+
+  pure function depends_on_time(this) result(answer)
+    class(decay_t), intent(in) :: this
+    logical :: answer
+
+    answer = abs(this%forcing) > 0
+  end function depends_on_time
+
   subroutine rate(this, time, u, du)
     class(decay_t), intent(inout) :: this
     real(wp), intent(in) :: time
     real(wp), intent(in), contiguous :: u(:)
     real(wp), intent(out), contiguous :: du(:)
 
-    du = this%lambda*(u - this%forcing*sin(time)) + this%forcing*cos(time)
+    du = this%lambda*(u - this%level - this%forcing*sin(time)) + this%forcing*cos(time)
     call this%clear_prescribed(du)
   end subroutine rate
 

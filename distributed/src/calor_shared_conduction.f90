@@ -7,7 +7,8 @@
 module calor_shared_conduction
   use calor_conduction, only: conduction_t
   use calor_error, only: error_t
-  use calor_evolution, only: rate_in_parts, jacobian_in_parts
+  use calor_evolution, only: combine_in_parts, recur_with_rate_in_parts, &
+                             recur_with_jacobian_in_parts
   use calor_kinds, only: wp, i8
   use calor_parpack, only: pdnaupd, pdneupd
   use calor_random, only: random_uniform
@@ -63,7 +64,8 @@ module calor_shared_conduction
     procedure :: apply_rows
     procedure :: stream_rows
     procedure :: combine_with_rate
-    procedure :: combine_with_jacobian
+    procedure :: recur_with_rate
+    procedure :: recur_with_jacobian
     procedure :: clear_prescribed
     procedure :: inspect
     procedure :: is_shared
@@ -345,25 +347,31 @@ contains
     real(wp), intent(in) :: c(5)
     real(wp), intent(in), contiguous :: newer(:), start(:), rate_start(:)
     real(wp), intent(inout), contiguous :: older(:)
-    real(wp), intent(inout), contiguous :: work(:)
+    real(wp), allocatable, intent(inout) :: work(:)
 
-    call rate_in_parts(this, time, c, newer, start, rate_start, older, work)
+    call combine_in_parts(this, time, c, newer, start, rate_start, older, work)
   end subroutine combine_with_rate
 
-  subroutine combine_with_jacobian(this, c, newer, older, work, start, rate_start)
+  subroutine recur_with_rate(this, time, c, newer, older, work)
     class(shared_conduction_t), intent(inout) :: this
-    real(wp), intent(in) :: c(5)
+    real(wp), intent(in) :: time
+    real(wp), intent(in) :: c(3)
     real(wp), intent(in), contiguous :: newer(:)
     real(wp), intent(inout), contiguous :: older(:)
-    real(wp), intent(inout), contiguous :: work(:)
-    real(wp), intent(in), contiguous, optional :: start(:), rate_start(:)
+    real(wp), allocatable, intent(inout) :: work(:)
 
-    if (present(start) .and. present(rate_start)) then
-      call jacobian_in_parts(this, c, newer, older, work, start, rate_start)
-    else
-      call jacobian_in_parts(this, c, newer, older, work)
-    end if
-  end subroutine combine_with_jacobian
+    call recur_with_rate_in_parts(this, time, c, newer, older, work)
+  end subroutine recur_with_rate
+
+  subroutine recur_with_jacobian(this, c, newer, older, work)
+    class(shared_conduction_t), intent(inout) :: this
+    real(wp), intent(in) :: c(3)
+    real(wp), intent(in), contiguous :: newer(:)
+    real(wp), intent(inout), contiguous :: older(:)
+    real(wp), allocatable, intent(inout) :: work(:)
+
+    call recur_with_jacobian_in_parts(this, c, newer, older, work)
+  end subroutine recur_with_jacobian
 
   subroutine clear_prescribed(this, v)
     class(shared_conduction_t), intent(in) :: this

@@ -18,7 +18,7 @@
 module calor_streamed_rows
   use calor_constants, only: worth_threads
   use calor_huge_pages, only: prefer_huge_pages
-  use calor_kinds, only: wp, sp, ip, i2, i8
+  use calor_kinds, only: wp, sp, ip, i1, i2, i8
   use calor_sparse_operator, only: sparse_operator_t
   use omp_lib, only: omp_get_max_threads
   implicit none (type, external)
@@ -28,8 +28,9 @@ module calor_streamed_rows
 
   !> Rows of a slice, and particles among which rows are sorted by length
   integer, parameter :: lanes = 8, window = 32
-  !> What the sum of a row is added to: nothing, two stages, or these and a step's start
-  integer, parameter :: sum_alone = 0, with_stages = 1, with_start = 2
+  !> What the sum of a row is added to: nothing, two terms of a recurrence, or two stages and a
+  !> step's start
+  integer, parameter :: sum_alone = 0, with_terms = 1, with_start = 2
   !> So many consecutive particles a slice may have neighbours among, by two bytes each
   integer, parameter :: reach = 2**bit_size(0_i2)
   !> An entry that sticks out costs as much as so many in a slice
@@ -44,8 +45,9 @@ module calor_streamed_rows
     !> The operator that this was made from had so many rows and entries
     integer :: source_rows = -1
     integer(i8) :: source_entries = -1
-    !> The particle in each lane of each slice; where there is none, in the last slice, any
-    integer(ip), allocatable :: particle(:)
+    !> Where in the window of its slice the particle of each lane is, from 0; where there is none,
+    !> in the last slice, the last one's place
+    integer(i1), allocatable :: place(:)
     !> Entries, in units of `lanes`, that lie before a slice; one element more than slices
     integer(i8), allocatable :: before(:)
     !> Neighbours, counted from -reach/2 at the first one in the reach of a slice
@@ -69,6 +71,8 @@ module calor_streamed_rows
     procedure :: apply
     !> The same, added to multiples of other fields
     procedure :: combine
+    !> The same as the next term of a recurrence of three
+    procedure :: recur
     !> Memory in use, bytes
     procedure :: bytes
   end type streamed_rows_t
@@ -172,23 +176,36 @@ contains
   pure subroutine sort_by_length(this, length)
     type(streamed_rows_t), intent(inout) :: this
     integer, intent(in) :: length(:)
-    integer(ip) :: particle
-    integer :: begin, k, place
+    integer :: before, k, last, lane
+    integer(i1) :: place
 
-    allocate (this%particle(lanes*this%slices), source=int(this%particles, ip))
-    do begin = 1, this%particles, window
-      do k = begin, min(begin + window - 1, this%particles)
-        particle = k
-        place = k
-        do while (place > begin)
-          if (length(this%particle(place - 1)) >= length(particle)) exit
-          this%particle(place) = this%particle(place - 1)
-          place = place - 1
+    allocate (this%place(lanes*this%slices))
+    do before = 0, this%particles - 1, window
+      last = min(window, this%particles - before)
+      do k = 1, last
+        place = int(k - 1, i1)
+        lane = k
+        do while (lane > 1)
+          if (length(before + this%place(before + lane - 1) + 1) >= length(before + k)) exit
+          this%place(before + lane) = this%place(before + lane - 1)
+          lane = lane - 1
         end do
-        this%particle(place) = particle
+        this%place(before + lane) = place
       end do
+      this%place(before + last + 1:min(before + window, lanes*this%slices)) = int(last - 1, i1)
     end do
   end subroutine sort_by_length
+
+  !> The particles of a slice
+  pure function members(this, slice) result(particle)
+    type(streamed_rows_t), intent(in) :: this
+    integer, intent(in) :: slice
+    integer(ip) :: particle(lanes)
+    integer :: before
+
+    before = lanes*(slice - 1)
+    particle = this%place(before + 1:before + lanes) + (before - mod(before, window) + 1)
+  end function members
 
   !> The first of the particles that two bytes can tell apart for some particle, and for all others
   !> in its window.
@@ -217,6 +234,7 @@ contains
     !> Lengths of rows, and without what lies out of reach
     integer, intent(in) :: length(:), near(:)
     integer :: all_near(lanes), candidate, cost, entries, lane, least, slice, width
+    integer(ip) :: particle(lanes)
 
     allocate (this%before(this%slices + 1), this%over_before(this%slices + 1))
     this%before(1) = 0
@@ -224,11 +242,10 @@ contains
     do slice = 1, this%slices
       all_near = 0
       entries = 0
+      particle = members(this, slice)
       do lane = 1, min(lanes, this%particles - lanes*(slice - 1))
-        associate (particle => this%particle(lane + lanes*(slice - 1)))
-          all_near(lane) = near(particle)
-          entries = entries + length(particle)
-        end associate
+        all_near(lane) = near(particle(lane))
+        entries = entries + length(particle(lane))
       end do
       least = huge(least)
       width = 0
@@ -252,19 +269,19 @@ contains
     integer, intent(in) :: length(:)
     integer, intent(in) :: slice
     integer(i8) :: before, from, over
-    integer(ip) :: particle
+    integer(ip) :: particle(lanes)
     integer :: entries, first, k, lane, used, width
 
     width = int(this%before(slice + 1) - this%before(slice))
     before = lanes*this%before(slice)
     over = this%over_before(slice)
     first = reach_of(lanes*(slice - 1) + 1, this%particles)
+    particle = members(this, slice)
     do lane = 1, lanes
-      particle = this%particle(lane + lanes*(slice - 1))
       entries = 0
-      if (lane + lanes*(slice - 1) <= this%particles) entries = length(particle)
+      if (lane + lanes*(slice - 1) <= this%particles) entries = length(particle(lane))
       from = 0
-      if (entries > 0) from = operator%first(row_of(particle)) - 1
+      if (entries > 0) from = operator%first(row_of(particle(lane))) - 1
       used = 0
       do k = 1, entries
         associate (neighbour => operator%index(from + k), &
@@ -281,7 +298,7 @@ contains
         end associate
       end do
       do k = used + 1, width
-        call put_entry(this, before + lanes*(k - 1) + lane, particle - first, 0.0_wp)
+        call put_entry(this, before + lanes*(k - 1) + lane, particle(lane) - first, 0.0_wp)
       end do
     end do
 
@@ -328,29 +345,36 @@ contains
     call sweep(this, sum_alone, c, u, derivative, u, u)
   end subroutine apply
 
-  !> older ← c₁ newer + c₂ older + c₅ A newer, and where they are given + c₃ start + c₄ rate_start
+  !> older ← c₁ newer + c₂ older + c₃ start + c₄ rate_start + c₅ A newer
   subroutine combine(this, c, newer, older, start, rate_start)
     class(streamed_rows_t), intent(in) :: this
     !> The five factors
     real(wp), intent(in) :: c(5)
     !> Fields at all particles
+    real(wp), intent(in), contiguous :: newer(:), start(:), rate_start(:)
+    real(wp), intent(inout), contiguous :: older(:)
+
+    call sweep(this, with_start, c, newer, older, start, rate_start)
+  end subroutine combine
+
+  !> older ← c₁ newer + c₂ (newer - older) + c₃ A newer
+  subroutine recur(this, c, newer, older)
+    class(streamed_rows_t), intent(in) :: this
+    !> The three factors
+    real(wp), intent(in) :: c(3)
+    !> Fields at all particles
     real(wp), intent(in), contiguous :: newer(:)
     real(wp), intent(inout), contiguous :: older(:)
-    real(wp), intent(in), contiguous, optional :: start(:), rate_start(:)
 
-    if (present(start) .and. present(rate_start)) then
-      call sweep(this, with_start, c, newer, older, start, rate_start)
-    else
-      call sweep(this, with_stages, c, newer, older, newer, newer)
-    end if
-  end subroutine combine
+    call sweep(this, with_terms, [c(1:2), 0.0_wp, 0.0_wp, c(3)], newer, older, newer, newer)
+  end subroutine recur
 
   !> All slices, a part of them on each thread.
   subroutine sweep(this, terms, c, newer, older, start, rate_start)
     type(streamed_rows_t), intent(in) :: this
     !> What the sums are added to
     integer, intent(in) :: terms
-    !> The five factors of `combine`
+    !> The factors of `combine`, or of `recur`, the last one being the fifth
     real(wp), intent(in) :: c(5)
     real(wp), intent(in), contiguous :: newer(:), start(:), rate_start(:)
     real(wp), intent(inout), contiguous :: older(:)
@@ -379,12 +403,14 @@ contains
     real(wp), intent(inout) :: older(particles)
     real(wp) :: own(lanes), total(lanes)
     integer(i8) :: before, entry
+    integer(ip) :: particle(lanes)
     integer :: i, in_reach, lane, near, own_before, rows, slice, width
 
     do slice = from, to
       own_before = lanes*(slice - 1)
+      particle = members(this, slice)
       do lane = 1, lanes
-        own(lane) = newer(this%particle(own_before + lane))
+        own(lane) = newer(particle(lane))
       end do
       before = lanes*this%before(slice)
       width = int(this%before(slice + 1) - this%before(slice))
@@ -406,18 +432,18 @@ contains
       select case (terms)
       case (with_start)
         do lane = 1, rows
-          i = this%particle(own_before + lane)
+          i = particle(lane)
           older(i) = c(1)*own(lane) + c(2)*older(i) + c(3)*start(i) + c(4)*rate_start(i) + &
                      c(5)*total(lane)
         end do
-      case (with_stages)
+      case (with_terms)
         do lane = 1, rows
-          i = this%particle(own_before + lane)
-          older(i) = c(1)*own(lane) + c(2)*older(i) + c(5)*total(lane)
+          i = particle(lane)
+          older(i) = c(1)*own(lane) + c(2)*(own(lane) - older(i)) + c(5)*total(lane)
         end do
       case default
         do lane = 1, rows
-          older(this%particle(own_before + lane)) = c(5)*total(lane)
+          older(particle(lane)) = c(5)*total(lane)
         end do
       end select
     end do
@@ -478,7 +504,7 @@ contains
 
     number = 0
     if (.not. allocated(this%index)) return
-    number = (size(this%particle, kind=i8)*storage_size(this%particle) + &
+    number = (size(this%place, kind=i8)*storage_size(this%place) + &
               2*size(this%before, kind=i8)*storage_size(this%before) + &
               size(this%index, kind=i8)*storage_size(this%index) + &
               size(this%over_lane, kind=i8)*storage_size(this%over_lane) + &

@@ -9,7 +9,8 @@ module calor_conduction
   use calor_constants, only: worth_threads
   use calor_effect, only: effect_slot_t
   use calor_error, only: error_t, raise, status_bad_numbers
-  use calor_evolution, only: evolution_t, rate_in_parts, jacobian_in_parts
+  use calor_evolution, only: evolution_t, combine_in_parts, recur_with_rate_in_parts, &
+                             recur_with_jacobian_in_parts
   use calor_expression, only: expression_t
   use calor_heat_content, only: heat_content_t
   use calor_kinds, only: wp
@@ -87,7 +88,8 @@ module calor_conduction
     procedure :: rate
     procedure :: jacobian_product
     procedure :: combine_with_rate
-    procedure :: combine_with_jacobian
+    procedure :: recur_with_rate
+    procedure :: recur_with_jacobian
     procedure :: impose
     procedure :: clear_prescribed
     procedure :: inspect
@@ -213,14 +215,13 @@ contains
     this%only_streamed = .false.
   end subroutine stream_rows
 
-  !> Afterwards `laplacian` tells its targets only: there is no Jacobian to hand out, nor a bound of
-  !> the spectrum, until rows are assembled anew. Nothing happens where rows could not be laid out.
+  !> Afterwards `laplacian` is empty: there is no Jacobian to hand out, nor a bound of the spectrum,
+  !> until rows are assembled anew. Nothing happens where rows could not be laid out.
   subroutine keep_streamed_rows(this)
     class(conduction_t), intent(inout) :: this
 
     if (this%only_streamed .or. .not. this%is_streamed()) return
-    deallocate (this%laplacian%first, this%laplacian%index, this%laplacian%weight, &
-                this%laplacian%diagonal)
+    this%laplacian = sparse_operator_t()
     this%only_streamed = .true.
   end subroutine keep_streamed_rows
 
@@ -377,45 +378,55 @@ contains
     end associate
   end subroutine add_up
 
-  !> In one sweep where there is nothing but conduction. Prescribed entries have empty rows.
+  !> In one sweep where there is nothing but conduction, as what follows. Prescribed entries have
+  !> empty rows.
   subroutine combine_with_rate(this, time, c, newer, start, rate_start, older, work)
     class(conduction_t), intent(inout) :: this
     real(wp), intent(in) :: time
     real(wp), intent(in) :: c(5)
     real(wp), intent(in), contiguous :: newer(:), start(:), rate_start(:)
     real(wp), intent(inout), contiguous :: older(:)
-    real(wp), intent(inout), contiguous :: work(:)
+    real(wp), allocatable, intent(inout) :: work(:)
 
     if (allocated(this%effects) .or. allocated(this%content) .or. &
         .not. this%is_streamed()) then
-      call rate_in_parts(this, time, c, newer, start, rate_start, older, work)
+      call combine_in_parts(this, time, c, newer, start, rate_start, older, work)
     else
       call this%stream%combine([c(1:4), c(5)*this%diffusivity], newer, older, start, rate_start)
     end if
   end subroutine combine_with_rate
 
-  subroutine combine_with_jacobian(this, c, newer, older, work, start, rate_start)
+  subroutine recur_with_rate(this, time, c, newer, older, work)
     class(conduction_t), intent(inout) :: this
-    real(wp), intent(in) :: c(5)
+    real(wp), intent(in) :: time
+    real(wp), intent(in) :: c(3)
     real(wp), intent(in), contiguous :: newer(:)
     real(wp), intent(inout), contiguous :: older(:)
-    real(wp), intent(inout), contiguous :: work(:)
-    real(wp), intent(in), contiguous, optional :: start(:), rate_start(:)
+    real(wp), allocatable, intent(inout) :: work(:)
 
-    ! Written out: an absent contiguous argument cannot be handed on in this compiler
+    if (allocated(this%effects) .or. allocated(this%content) .or. &
+        .not. this%is_streamed()) then
+      call recur_with_rate_in_parts(this, time, c, newer, older, work)
+    else
+      call this%stream%recur([c(1:2), c(3)*this%diffusivity], newer, older)
+    end if
+  end subroutine recur_with_rate
+
+  subroutine recur_with_jacobian(this, c, newer, older, work)
+    class(conduction_t), intent(inout) :: this
+    real(wp), intent(in) :: c(3)
+    real(wp), intent(in), contiguous :: newer(:)
+    real(wp), intent(inout), contiguous :: older(:)
+    real(wp), allocatable, intent(inout) :: work(:)
+
     if (allocated(this%slope) .or. allocated(this%content) .or. &
         .not. this%is_streamed()) then
-      if (present(start) .and. present(rate_start)) then
-        call jacobian_in_parts(this, c, newer, older, work, start, rate_start)
-      else
-        call jacobian_in_parts(this, c, newer, older, work)
-      end if
-    else if (present(start) .and. present(rate_start)) then
-      call this%stream%combine([c(1:4), c(5)*this%diffusivity], newer, older, start, rate_start)
+      call recur_with_jacobian_in_parts(this, c, newer, older, work)
     else
-      call this%stream%combine([c(1:4), c(5)*this%diffusivity], newer, older)
+      call this%stream%recur([c(1:2), c(3)*this%diffusivity], newer, older)
     end if
-  end subroutine combine_with_jacobian
+  end subroutine recur_with_jacobian
+
   subroutine follow(this, x, y, places)
     class(conduction_t), intent(inout) :: this
     !> Where particles are, m

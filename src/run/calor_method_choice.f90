@@ -234,9 +234,9 @@ contains
       pilot%steps = trial%steps
       pilot%step = trial%next_proposal()
     end if
-    ! The longest step comes last.
+    ! The longest step comes last; the state is not needed any more.
     pilot%longest = step_at(problem, pilot, problem%duration)
-    call trial%integrator%shorten_step(evolution, problem%spectral_radius, pilot%longest)
+    call trial%integrator%shorten_step(evolution, problem%spectral_radius, pilot%longest, u)
 
   contains
 

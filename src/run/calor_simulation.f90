@@ -1023,7 +1023,7 @@ contains
   contains
 
     subroutine advance(state)
-      real(wp), intent(inout) :: state(:)
+      real(wp), intent(inout), contiguous :: state(:)
       type(error_t), allocatable :: transport_error
 
       call this%stopwatch%start('steps')

@@ -199,6 +199,7 @@ contains
     type(stepper_t), intent(inout) :: stepper
     !> The scene's method or step cannot be used
     type(error_t), allocatable, intent(out) :: error
+    real(wp), allocatable :: work(:)
     real(wp) :: scale, step, tolerance
 
     associate (time => scene%time)
@@ -249,7 +250,9 @@ contains
       end if
       if (time%step > 0) then
         step = time%step
-        call stepper%integrator%shorten_step(conduction, stepper%spectral_radius, step)
+        allocate (work(conduction%unknowns()))
+        call stepper%integrator%shorten_step(conduction, stepper%spectral_radius, step, work)
+        deallocate (work)
         if (step < time%step) this%stability_limit = min(this%stability_limit, step)
         if (time%step > this%stability_limit) then
           call raise(error, status_bad_input, time%place//': step = '//to_text(time%step)// &

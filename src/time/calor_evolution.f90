@@ -13,7 +13,7 @@ module calor_evolution
   private
 
   public :: evolution_t
-  public :: rate_in_parts, jacobian_in_parts
+  public :: combine_in_parts, recur_with_rate_in_parts, recur_with_jacobian_in_parts
 
   type, abstract :: evolution_t
   contains
@@ -23,10 +23,12 @@ module calor_evolution
     procedure(rate_interface), deferred :: rate
     !> (∂F/∂u) v; v is 0 at prescribed entries
     procedure(jacobian_interface), deferred :: jacobian_product
-    !> A rate, or a product with the Jacobian, added to multiples of other vectors: what a stage of
-    !> an integrator consists of. An evolution that can do it in one sweep overrides them
-    procedure :: combine_with_rate => rate_in_parts
-    procedure :: combine_with_jacobian => jacobian_in_parts
+    !> A rate added to multiples of other vectors: a stage of an integrator. Or a rate, or a product
+    !> with the Jacobian, as the next term of a recurrence of three, as polynomials have. An
+    !> evolution that can do it in one sweep overrides them
+    procedure :: combine_with_rate => combine_in_parts
+    procedure :: recur_with_rate => recur_with_rate_in_parts
+    procedure :: recur_with_jacobian => recur_with_jacobian_in_parts
     !> Take ∂F/∂u at a state for it from now on; without this it is on the safe side
     procedure :: linearise
     !> Put the prescribed values of a time into u
@@ -118,7 +120,7 @@ module calor_evolution
 contains
 
   !> older ← c₁ newer + c₂ older + c₃ start + c₄ rate_start + c₅ F(time, newer)
-  subroutine rate_in_parts(this, time, c, newer, start, rate_start, older, work)
+  subroutine combine_in_parts(this, time, c, newer, start, rate_start, older, work)
     class(evolution_t), intent(inout) :: this
     !> Time, s
     real(wp), intent(in) :: time
@@ -127,45 +129,73 @@ contains
     !> Vectors of the size of u; none may share memory with another
     real(wp), intent(in), contiguous :: newer(:), start(:), rate_start(:)
     real(wp), intent(inout), contiguous :: older(:)
-    !> Workspace of the size of u
-    real(wp), intent(inout), contiguous :: work(:)
+    !> Workspace, made where it is needed
+    real(wp), allocatable, intent(inout) :: work(:)
     integer :: k
 
+    call make_work(size(newer), work)
     call this%rate(time, newer, work)
     !$omp parallel do if (size(older) > worth_threads) schedule(static) default(shared) private(k)
     do k = 1, size(older)
       older(k) = c(1)*newer(k) + c(2)*older(k) + c(3)*start(k) + c(4)*rate_start(k) + c(5)*work(k)
     end do
     !$omp end parallel do
-  end subroutine rate_in_parts
+  end subroutine combine_in_parts
 
-  !> older ← c₁ newer + c₂ older + c₅ (∂F/∂u) newer, and where they are given + c₃ start
-  !> + c₄ rate_start
-  subroutine jacobian_in_parts(this, c, newer, older, work, start, rate_start)
+  !> older ← c₁ newer + c₂ (newer - older) + c₃ F(time, newer). Differences, so that what is steady
+  !> stays so to the last bit where c₁ = 1.
+  subroutine recur_with_rate_in_parts(this, time, c, newer, older, work)
     class(evolution_t), intent(inout) :: this
-    !> The five factors
-    real(wp), intent(in) :: c(5)
-    !> Changes of the state; none may share memory with another
+    !> Time, s
+    real(wp), intent(in) :: time
+    !> The three factors
+    real(wp), intent(in) :: c(3)
+    !> Vectors of the size of u that share no memory
     real(wp), intent(in), contiguous :: newer(:)
     real(wp), intent(inout), contiguous :: older(:)
-    !> Workspace of the size of u
-    real(wp), intent(inout), contiguous :: work(:)
-    real(wp), intent(in), contiguous, optional :: start(:), rate_start(:)
+    !> Workspace, made where it is needed
+    real(wp), allocatable, intent(inout) :: work(:)
+
+    call make_work(size(newer), work)
+    call this%rate(time, newer, work)
+    call add_up_terms(c, newer, work, older)
+  end subroutine recur_with_rate_in_parts
+
+  !> older ← c₁ newer + c₂ (newer - older) + c₃ (∂F/∂u) newer
+  subroutine recur_with_jacobian_in_parts(this, c, newer, older, work)
+    class(evolution_t), intent(inout) :: this
+    !> The three factors
+    real(wp), intent(in) :: c(3)
+    !> Changes of the state that share no memory
+    real(wp), intent(in), contiguous :: newer(:)
+    real(wp), intent(inout), contiguous :: older(:)
+    !> Workspace, made where it is needed
+    real(wp), allocatable, intent(inout) :: work(:)
+
+    call make_work(size(newer), work)
+    call this%jacobian_product(newer, work)
+    call add_up_terms(c, newer, work, older)
+  end subroutine recur_with_jacobian_in_parts
+
+  subroutine make_work(unknowns, work)
+    integer, intent(in) :: unknowns
+    real(wp), allocatable, intent(inout) :: work(:)
+
+    if (.not. allocated(work)) allocate (work(unknowns), source=0.0_wp)
+  end subroutine make_work
+
+  subroutine add_up_terms(c, newer, product, older)
+    real(wp), intent(in) :: c(3)
+    real(wp), intent(in), contiguous :: newer(:), product(:)
+    real(wp), intent(inout), contiguous :: older(:)
     integer :: k
 
-    call this%jacobian_product(newer, work)
     !$omp parallel do if (size(older) > worth_threads) schedule(static) default(shared) private(k)
     do k = 1, size(older)
-      older(k) = c(1)*newer(k) + c(2)*older(k) + c(5)*work(k)
+      older(k) = c(1)*newer(k) + c(2)*(newer(k) - older(k)) + c(3)*product(k)
     end do
     !$omp end parallel do
-    if (.not. (present(start) .and. present(rate_start))) return
-    !$omp parallel do if (size(older) > worth_threads) schedule(static) default(shared) private(k)
-    do k = 1, size(older)
-      older(k) = older(k) + c(3)*start(k) + c(4)*rate_start(k)
-    end do
-    !$omp end parallel do
-  end subroutine jacobian_in_parts
+  end subroutine add_up_terms
 
   !> Nothing to do where ∂F/∂u is the same at all states.
   subroutine linearise(this, time, u)

@@ -186,13 +186,14 @@ contains
     step = longest_series/spectral_radius
   end function longest_stable_step
 
-  subroutine shorten_step(this, evolution, spectral_radius, step)
+  subroutine shorten_step(this, evolution, spectral_radius, step, work)
     class(exponential_t), intent(inout) :: this
     class(evolution_t), intent(inout) :: evolution
     real(wp), intent(in) :: spectral_radius
     real(wp), intent(inout) :: step
+    real(wp), intent(inout), contiguous :: work(:)
 
-    associate (unused => evolution, also => spectral_radius)
+    associate (unused => evolution, also => spectral_radius, and => work)
     end associate
     step = min(step, this%longest)
   end subroutine shorten_step

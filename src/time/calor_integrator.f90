@@ -105,7 +105,7 @@ contains
     step = 0
   end function longest_monotone_step
 
-  subroutine shorten_step(this, evolution, spectral_radius, step)
+  subroutine shorten_step(this, evolution, spectral_radius, step, work)
     class(integrator_t), intent(inout) :: this
     !> What is integrated
     class(evolution_t), intent(inout) :: evolution
@@ -113,9 +113,11 @@ contains
     real(wp), intent(in) :: spectral_radius
     !> Step, s
     real(wp), intent(inout) :: step
+    !> Workspace of the size of u
+    real(wp), intent(inout), contiguous :: work(:)
 
     ! Most methods are stable wherever their limit lets them be.
-    associate (unused => this, also => evolution, and => spectral_radius, too => step)
+    associate (unused => this, also => evolution, and => spectral_radius, too => step, or => work)
     end associate
   end subroutine shorten_step
 

@@ -287,20 +287,20 @@ contains
     real(wp) :: factor
     integer :: j, k, earlier, later
 
-    allocate (term(size(v), 2), work(size(v)))
+    allocate (term(size(v), 2))
     !$omp parallel do if (size(v) > worth_threads) schedule(static) default(shared) private(k)
     do k = 1, size(v)
       term(k, 1) = 0
       term(k, 2) = v(k)
-      work(k) = 0
     end do
     !$omp end parallel do
     earlier = 1
     do j = 1, degree
       factor = merge(1.0_wp, 2.0_wp, j == 1)/focus
       later = 3 - earlier
-      call evolution%combine_with_jacobian([-factor*centre, -1.0_wp, 0.0_wp, 0.0_wp, factor], &
-                                           term(:, later), term(:, earlier), work)
+      ! factor (J - centre) newer - older
+      call evolution%recur_with_jacobian([-factor*centre - 1, 1.0_wp, factor], term(:, later), &
+                                         term(:, earlier), work)
       earlier = later
     end do
     product = term(:, 3 - earlier)

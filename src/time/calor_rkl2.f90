@@ -8,12 +8,20 @@
 !> clouds have up to 8 %. So before a step takes more stages than any before it, a few such steps of
 !> the linear problem are tried out on a vector of random numbers.
 !>
+!> On u_t = A u + b, b being constant, the last stage is Y_s = (1 - b_s) u + b_s Z_s, where
+!> Z_j - u* = P_j(1 + w₁ Δt A) (u - u*), P_j being Legendre's polynomials and u* what is steady. The
+!> recurrence of these is that of Z_j, in differences
+!>
+!>     Z_j = Z_{j-1} + (j-1)/j (Z_{j-1} - Z_{j-2}) + (2j-1)/j w₁ Δt F(Z_{j-1})
+!>
+!> with Z_0 = u, and needs neither u nor its rate: two vectors less to read. Only the last stage
+!> belongs to a time of the step, so that this is for F that knows no time.
+!>
 !> Source: C.D. Meyer, D.S. Balsara, T.D. Aslam, J. Comput. Phys. 257 (2014) 594–626, equations
 !> (15)–(19).
 module calor_rkl2
   use calor_constants, only: worth_threads
   use calor_evolution, only: evolution_t
-  use calor_freed_memory, only: give_back_freed_memory
   use calor_huge_pages, only: prefer_huge_pages
   use calor_integrator, only: integrator_t
   use calor_kinds, only: wp
@@ -25,11 +33,14 @@ module calor_rkl2
 
   type, extends(integrator_t) :: rkl2_t
     private
-    !> F at the start of the step, and at its end; until then the latter holds every other stage
-    real(wp), allocatable :: rate_start(:), rate_end(:)
-    !> F of a stage; afterwards what shows the error of the step
-    real(wp), allocatable :: rate_stage(:)
-    !> The error of the step just computed is this times rate_stage
+    !> F at the start of the step; afterwards what shows its error
+    real(wp), allocatable :: rate_start(:)
+    !> F at the end of the step; until then every other stage. Once the step is accepted, the two
+    !> change places
+    real(wp), allocatable :: rate_end(:)
+    !> Workspace of evolutions that need any
+    real(wp), allocatable :: work(:)
+    !> The error of the step just computed is this times what shows it
     real(wp) :: error_factor = 0.0_wp
     !> Whether rate_start belongs to the state that the next step starts from
     logical :: started = .false.
@@ -90,76 +101,76 @@ contains
     reach = 0.5_wp*(real(stages, wp)**2 + stages - 2)
   end function reach
 
-  subroutine shorten_step(this, evolution, spectral_radius, step)
+  subroutine shorten_step(this, evolution, spectral_radius, step, work)
     class(rkl2_t), intent(inout) :: this
     class(evolution_t), intent(inout) :: evolution
     real(wp), intent(in) :: spectral_radius
     real(wp), intent(inout) :: step
+    real(wp), intent(inout), contiguous :: work(:)
     integer :: needed, trial
-    logical :: tried
 
     needed = rkl2_stages(step, spectral_radius)
-    tried = .false.
     do while (needed > this%proven_stages .and. .not. this%exhausted)
       trial = min(most_stages, ceiling(trial_growth*this%proven_stages))
       if (mod(trial, 2) == 0) trial = trial + 1
       if (trial > most_stages .or. trial == this%proven_stages) exit
-      tried = .true.
-      if (is_stable(this, evolution, trial, reach(trial)/spectral_radius)) then
+      if (is_stable(this, evolution, trial, reach(trial)/spectral_radius, work)) then
         this%proven_stages = trial
       else
         this%exhausted = .true.
       end if
       this%evaluations = this%evaluations + trial_steps*trial
     end do
-    ! Trials are rare, and take vectors of their own that no step needs
-    if (tried) call give_back_freed_memory()
     if (needed > this%proven_stages) then
       step = min(step, reach(this%proven_stages)/spectral_radius*(1 - 1.0e-9_wp))
     end if
   end subroutine shorten_step
 
   !> Whether steps of the linear problem shorten a vector of random numbers.
-  function is_stable(this, evolution, stages, step)
+  function is_stable(this, evolution, stages, step, v)
     class(rkl2_t), intent(inout) :: this
     class(evolution_t), intent(inout) :: evolution
     integer, intent(in) :: stages
     real(wp), intent(in) :: step
+    !> Workspace
+    real(wp), intent(inout), contiguous :: v(:)
     logical :: is_stable
-    real(wp), allocatable :: v(:), even_stage(:)
-    real(wp) :: before
-    integer :: k, j, n, i
+    real(wp) :: before, part
+    integer :: k, j, i
 
-    n = evolution%unknowns()
-    call make_room(this, n)
-    allocate (v(n), even_stage(n))
+    call make_room(this, size(v))
     ! Its place is taken: a rate more is little beside a trial
     this%started = .false.
     call evolution%scatter(5, v)
     is_stable = .true.
     before = evolution%root_mean_square(v)
-    do k = 1, trial_steps
-      if (.not. before > 0) return
-      call evolution%jacobian_product(v, this%rate_start)
-      !$omp parallel do if (n > worth_threads) schedule(static) default(shared) private(i)
-      do i = 1, n
-        v(i) = v(i)/before
-        this%rate_start(i) = this%rate_start(i)/before
-        even_stage(i) = v(i)
-        this%rate_end(i) = v(i) + first_place(stages)*step*this%rate_start(i)
+    part = weight_b(stages)
+    associate (even => this%rate_start, odd => this%rate_end)
+      do k = 1, trial_steps
+        if (.not. before > 0) return
+        !$omp parallel do if (size(v) > worth_threads) schedule(static) default(shared) private(i)
+        do i = 1, size(v)
+          v(i) = v(i)/before
+          even(i) = v(i)
+          odd(i) = v(i)
+        end do
+        !$omp end parallel do
+        call evolution%recur_with_jacobian(term_factors(1, stages, step), even, odd, this%work)
+        do j = 2, stages, 2
+          call evolution%recur_with_jacobian(term_factors(j, stages, step), odd, even, this%work)
+          call evolution%recur_with_jacobian(term_factors(j + 1, stages, step), even, odd, &
+                                             this%work)
+        end do
+        !$omp parallel do if (size(v) > worth_threads) schedule(static) default(shared) private(i)
+        do i = 1, size(v)
+          v(i) = v(i) + part*(odd(i) - v(i))
+        end do
+        !$omp end parallel do
+        before = evolution%root_mean_square(v)
+        ! More than that would amplify rounding errors, whatever becomes of it later.
+        if (before > 1.0e4_wp) exit
       end do
-      !$omp end parallel do
-      do j = 2, stages, 2
-        call evolution%combine_with_jacobian(factors(j, stages, step), this%rate_end, even_stage, &
-                                             this%rate_stage, v, this%rate_start)
-        call evolution%combine_with_jacobian(factors(j + 1, stages, step), even_stage, &
-                                             this%rate_end, this%rate_stage, v, this%rate_start)
-      end do
-      v = this%rate_end
-      before = evolution%root_mean_square(v)
-      ! More than that would amplify rounding errors, whatever becomes of it later.
-      if (before > 1.0e4_wp) exit
-    end do
+    end associate
     is_stable = before <= 1
   end function is_stable
 
@@ -188,6 +199,18 @@ contains
     c(5) = mu_tilde*step
   end function factors
 
+  !> The factors of term j of the recurrence: of the difference of the two before, and of the rate.
+  pure function term_factors(j, stages, step) result(c)
+    integer, intent(in) :: j, stages
+    real(wp), intent(in) :: step
+    real(wp) :: c(3)
+
+    c(1) = 1
+    c(2) = (j - 1.0_wp)/j
+    ! w₁ is three times the place of the first stage.
+    c(3) = (2*j - 1.0_wp)/j*3*first_place(stages)*step
+  end function term_factors
+
   pure function estimates_error(this) result(answer)
     class(rkl2_t), intent(in) :: this
     logical :: answer
@@ -212,18 +235,49 @@ contains
     real(wp), intent(in), contiguous :: u(:)
     real(wp), intent(out), contiguous :: u_next(:)
     real(wp), intent(out) :: local_error
-    real(wp) :: w1, third, place
-    integer :: stages, j, k
+    real(wp) :: third
+    integer :: stages, k
 
     call make_room(this, size(u))
     if (.not. this%started) then
       call evolution%rate(time, u, this%rate_start)
       this%evaluations = this%evaluations + 1
-      this%started = .true.
     end if
-
     stages = rkl2_stages(step, spectral_radius)
-    w1 = 4.0_wp/(real(stages, wp)**2 + stages - 2)
+    if (evolution%is_linear() .and. .not. evolution%depends_on_time()) then
+      call take_terms(this, evolution, time, step, stages, u, u_next)
+    else
+      call take_stages(this, evolution, time, step, stages, u, u_next)
+    end if
+    call evolution%rate(time + step, u_next, this%rate_end)
+    this%evaluations = this%evaluations + stages
+
+    ! The step's error is (c - 1/6) u''' Δt³, c being the third coefficient of the method's
+    ! stability polynomial. The trapezoidal rule misses u''' Δt³/12 the other way: its defect shows
+    ! the sum. It takes the place of a rate that is needed again only if the step is taken back.
+    this%started = .false.
+    !$omp parallel do if (size(u) > worth_threads) schedule(static) default(shared) private(k)
+    do k = 1, size(u)
+      this%rate_start(k) = u(k) - u_next(k) + 0.5_wp*step*(this%rate_start(k) + this%rate_end(k))
+    end do
+    !$omp end parallel do
+    call evolution%clear_prescribed(this%rate_start)
+    third = third_coefficient(stages)
+    this%error_factor = (1.0_wp/6 - third)/(1.0_wp/4 - third)
+    local_error = this%error_factor*evolution%root_mean_square(this%rate_start)
+  end subroutine advance
+
+  !> From u to the last stage, an odd one, by stages as they are written for any F
+  subroutine take_stages(this, evolution, time, step, stages, u, u_next)
+    class(rkl2_t), intent(inout) :: this
+    class(evolution_t), intent(inout) :: evolution
+    real(wp), intent(in) :: time, step
+    integer, intent(in) :: stages
+    real(wp), intent(in), contiguous :: u(:)
+    real(wp), intent(inout), contiguous :: u_next(:)
+    real(wp) :: place
+    integer :: j, k
+
     place = first_place(stages)
     !$omp parallel do if (size(u) > worth_threads) schedule(static) default(shared) private(k)
     do k = 1, size(u)
@@ -232,27 +286,10 @@ contains
     end do
     !$omp end parallel do
     call evolution%impose(time + place*step, u_next)
-
-    ! Stages are odd in number: the last one lands where it belongs.
     do j = 2, stages, 2
       call take_stage(j, u_next, this%rate_end)
       call take_stage(j + 1, this%rate_end, u_next)
     end do
-    call evolution%rate(time + step, u_next, this%rate_end)
-    this%evaluations = this%evaluations + stages
-
-    ! The step's error is (c - 1/6) u''' Δt³, c being the third coefficient of the method's
-    ! stability polynomial. The trapezoidal rule misses u''' Δt³/12 the other way: its defect shows
-    ! the sum.
-    !$omp parallel do if (size(u) > worth_threads) schedule(static) default(shared) private(k)
-    do k = 1, size(u)
-      this%rate_stage(k) = u(k) - u_next(k) + 0.5_wp*step*(this%rate_start(k) + this%rate_end(k))
-    end do
-    !$omp end parallel do
-    call evolution%clear_prescribed(this%rate_stage)
-    third = third_coefficient(stages)
-    this%error_factor = (1.0_wp/6 - third)/(1.0_wp/4 - third)
-    local_error = this%error_factor*evolution%root_mean_square(this%rate_stage)
 
   contains
 
@@ -263,24 +300,59 @@ contains
       real(wp), intent(inout), contiguous :: older(:)
 
       call evolution%combine_with_rate(time + place*step, factors(j, stages, step), newer, u, &
-                                       this%rate_start, older, this%rate_stage)
-      place = (real(j, wp)**2 + j - 2)*w1/4
+                                       this%rate_start, older, this%work)
+      place = (real(j, wp)**2 + j - 2)/(real(stages, wp)**2 + stages - 2)
       call evolution%impose(time + place*step, older)
     end subroutine take_stage
 
-  end subroutine advance
+  end subroutine take_stages
+
+  !> The same for F that is linear and knows no time, by terms of Legendre's recurrence. Prescribed
+  !> entries have no rate, so that none of them changes.
+  subroutine take_terms(this, evolution, time, step, stages, u, u_next)
+    class(rkl2_t), intent(inout) :: this
+    class(evolution_t), intent(inout) :: evolution
+    real(wp), intent(in) :: time, step
+    integer, intent(in) :: stages
+    real(wp), intent(in), contiguous :: u(:)
+    real(wp), intent(inout), contiguous :: u_next(:)
+    real(wp) :: c(3), part
+    integer :: j, k
+
+    c = term_factors(1, stages, step)
+    !$omp parallel do if (size(u) > worth_threads) schedule(static) default(shared) private(k)
+    do k = 1, size(u)
+      this%rate_end(k) = u(k)
+      u_next(k) = u(k) + c(3)*this%rate_start(k)
+    end do
+    !$omp end parallel do
+    do j = 2, stages, 2
+      call evolution%recur_with_rate(time, term_factors(j, stages, step), u_next, this%rate_end, &
+                                     this%work)
+      call evolution%recur_with_rate(time, term_factors(j + 1, stages, step), this%rate_end, &
+                                     u_next, this%work)
+    end do
+    part = weight_b(stages)
+    !$omp parallel do if (size(u) > worth_threads) schedule(static) default(shared) private(k)
+    do k = 1, size(u)
+      u_next(k) = u(k) + part*(u_next(k) - u(k))
+    end do
+    !$omp end parallel do
+  end subroutine take_terms
 
   !> Arrays for so many unknowns, where there are none yet
   subroutine make_room(this, unknowns)
     class(rkl2_t), intent(inout) :: this
     integer, intent(in) :: unknowns
 
-    if (allocated(this%rate_stage)) return
-    if (.not. allocated(this%rate_start)) allocate (this%rate_start(unknowns))
-    allocate (this%rate_end(unknowns), this%rate_stage(unknowns))
-    call prefer_huge_pages(this%rate_start)
-    call prefer_huge_pages(this%rate_end)
-    call prefer_huge_pages(this%rate_stage)
+    if (.not. allocated(this%rate_start)) then
+      allocate (this%rate_start(unknowns))
+      call prefer_huge_pages(this%rate_start)
+    end if
+    if (.not. allocated(this%rate_end)) then
+      allocate (this%rate_end(unknowns))
+      call prefer_huge_pages(this%rate_end)
+    end if
   end subroutine make_room
 
   subroutine accept(this)
@@ -290,6 +362,7 @@ contains
     call move_alloc(this%rate_start, spare)
     call move_alloc(this%rate_end, this%rate_start)
     call move_alloc(spare, this%rate_end)
+    this%started = .true.
   end subroutine accept
 
   subroutine add_step_error(this, step, total)
@@ -302,7 +375,7 @@ contains
     end associate
     !$omp parallel do if (size(total) > worth_threads) schedule(static) default(shared) private(k)
     do k = 1, size(total)
-      total(k) = total(k) + this%error_factor*this%rate_stage(k)
+      total(k) = total(k) + this%error_factor*this%rate_end(k)
     end do
     !$omp end parallel do
   end subroutine add_step_error
@@ -353,7 +426,6 @@ contains
     call state%get('exhausted', this%exhausted)
     if (.not. this%started) return
     call state%get('rate_start', this%rate_start)
-    call make_room(this, size(this%rate_start))
   end subroutine restore_rkl2
 
 end module calor_rkl2

@@ -97,7 +97,7 @@ contains
     do while (time < end_time .and. this%steps < last)
       step = min(this%proposed, this%longest_step)
       if (present(watcher)) step = min(step, watcher%longest_step())
-      call this%integrator%shorten_step(evolution, this%spectral_radius, step)
+      call this%integrator%shorten_step(evolution, this%spectral_radius, step, this%u_next)
       ! Beyond time 0 any step that is too short is lost in the time; at 0 it has to be said.
       if (.not. time + step > time .or. step < epsilon(step)**2*(end_time - time)) then
         if (allocated(this%integrator%failure)) then
@@ -129,7 +129,7 @@ contains
     class(evolution_t), intent(inout), target :: evolution
     real(wp), intent(inout) :: time
     real(wp), intent(in) :: end_time
-    real(wp), intent(inout) :: u(:)
+    real(wp), intent(inout), contiguous :: u(:)
     type(error_t), allocatable, intent(out) :: error
     class(step_watcher_t), intent(inout), optional :: watcher
     real(wp) :: step
