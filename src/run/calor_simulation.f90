@@ -224,7 +224,7 @@ module calor_simulation
 
 contains
 
-  subroutine prepare(this, scene, error, further, uncertified)
+  subroutine prepare(this, scene, error, further, uncertified, cloud)
     class(simulation_t), intent(out) :: this
     !> The scene
     type(scene_t), intent(in) :: scene
@@ -234,6 +234,8 @@ contains
     type(effect_slot_t), intent(in), optional :: further(:)
     !> Leave out the search for unstable modes, as for a short run of which only figures are kept
     logical, intent(in), optional :: uncertified
+    !> The scene's cloud, where it has been made before
+    type(cloud_t), intent(in), optional :: cloud
     class(kernel_t), allocatable :: kernel
     type(scene_rows_t) :: rows
     logical :: certified
@@ -261,8 +263,12 @@ contains
     call this%stopwatch%start('cloud')
     call make_kernel(scene%kernel, kernel, error)
     if (allocated(error)) return
-    call make_scene_cloud(scene, kernel, this%cloud, error)
-    if (allocated(error)) return
+    if (present(cloud)) then
+      this%cloud = cloud
+    else
+      call make_scene_cloud(scene, kernel, this%cloud, error)
+      if (allocated(error)) return
+    end if
     this%support_radius = scene%support*this%cloud%spacing
     call this%start_temperature(error)
     if (allocated(error)) return

@@ -10,6 +10,7 @@
 !> combination foreseen is run with its error carried along; where the estimate is above the
 !> target, what was learned goes into another choice.
 module calor_accuracy_target
+  use calor_cloud, only: cloud_t
   use calor_error, only: error_t, raise, status_bad_input, status_bad_numbers
   use calor_exponential, only: exponential_terms, part_left
   use calor_integrators, only: make_integrator
@@ -85,6 +86,7 @@ module calor_accuracy_target
     !> Find a run that reaches the target, and make it
     procedure :: reach
     procedure, private :: try
+    procedure, private :: has_cloud_of
     procedure, private :: reached
     procedure, private :: foresee
     procedure, private :: refine
@@ -250,6 +252,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     class(observer_t), intent(inout), optional :: observer
     type(scene_t) :: variant
+    type(cloud_t) :: cloud
     type(method_t) :: method
     real(wp) :: norm
     integer :: k
@@ -269,7 +272,12 @@ contains
     variant%time%without_trial = .true.
     if (.not. scene%time%step > 0) variant%time%tolerance = attempt%tolerance
     if (attempt%pilot) variant%output%file = ''
-    call this%simulation%prepare(variant, error, uncertified=attempt%pilot)
+    if (this%has_cloud_of(variant)) then
+      cloud = this%simulation%cloud
+      call this%simulation%prepare(variant, error, uncertified=attempt%pilot, cloud=cloud)
+    else
+      call this%simulation%prepare(variant, error, uncertified=attempt%pilot)
+    end if
     if (allocated(error)) return
     associate (simulation => this%simulation)
       attempt%particles = simulation%cloud%particles()
@@ -305,6 +313,21 @@ contains
       attempt%setup_seconds = attempt%setup_seconds - attempt%step_seconds
     end associate
   end subroutine try
+
+  !> Whether the last run was on the same cloud. Volumes of a cloud from a file may depend on the
+  !> support radius; and what moves is elsewhere in the end.
+  pure function has_cloud_of(this, scene) result(answer)
+    class(target_search_t), intent(in) :: this
+    type(scene_t), intent(in) :: scene
+    logical :: answer
+
+    answer = allocated(this%simulation%cloud%x) .and. scene%domain%shape /= 'cloud' .and. &
+             .not. scene%motion%in_force
+    if (answer) then
+      answer = abs(scene%domain%spacing - this%simulation%scene%domain%spacing) <= &
+               epsilon(1.0_wp)*scene%domain%spacing
+    end if
+  end function has_cloud_of
 
   !> Runge–Kutta 4, where its steps, bounded by stability, cost less than those of RKL2, bounded by
   !> the tolerance. Its own error is then far below that of any scheme in space.
