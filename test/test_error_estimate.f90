@@ -28,6 +28,7 @@ contains
                 new_unittest('changing walls, a lower mode', test_other_field), &
                 new_unittest('scenes with other shapes and walls', test_scenes), &
                 new_unittest('interfaces between materials', test_interfaces), &
+                new_unittest('heat fluxes that jump at the start are found', test_flux_jumps), &
                 new_unittest('initial temperatures that jump', test_jumps), &
                 new_unittest('steady temperatures', test_steady), &
                 new_unittest('particles in rigid motion', test_rigid_motion), &
@@ -226,6 +227,33 @@ contains
       end do
     end do
   end subroutine test_interfaces
+
+  !> From a straight line the flux jumps by 9 parts in 10; it does not in the exact solution of two
+  !> half-spaces, whose temperatures are of one time already, nor where conductivities are equal.
+  subroutine test_flux_jumps(error)
+    type(test_error), allocatable, intent(out) :: error
+    character(len=*), parameter :: paths(*) = [character(len=48) :: &
+        'data/verification/two_slabs_transient_10.nml', 'data/verification/two_slabs_10.nml', &
+        'data/verification/two_slabs_1000.nml', 'data/plate.nml']
+    real(wp), parameter :: jumps(*) = [0.9_wp, 0.0_wp, 0.0_wp, 0.0_wp]
+    type(scene_t) :: scene
+    type(simulation_t) :: simulation
+    type(error_t), allocatable :: failure
+    integer :: k
+
+    do k = 1, size(paths)
+      call read_scene(trim(paths(k)), scene, failure)
+      if (.not. allocated(failure)) then
+        scene%accuracy%estimate = .true.
+        scene%output%file = ''
+        call simulation%prepare(scene, failure)
+      end if
+      call check(error, .not. allocated(failure))
+      if (allocated(error)) return
+      call check(error, simulation%flux_jump, jumps(k), thr=5.0e-4_wp, more=trim(paths(k)))
+      if (allocated(error)) return
+    end do
+  end subroutine test_flux_jumps
 
   !> Where between two particles a field jumps the particles do not tell: an error of first order.
   !> A front along a column of particles, with the insulated slab's Fourier series, and one at an

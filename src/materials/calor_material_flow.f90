@@ -5,6 +5,8 @@
 !> calor_interface_continuation says: the immersed interface method, here for rows of least norm on
 !> any cloud.
 module calor_material_flow
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+  use calor_expression, only: expression_t
   use calor_flow_rows, only: flow_model_t
   use calor_interface_continuation, only: conduction_at_t, coefficients, coefficient_position, &
       continuation, shifted_monomials
@@ -79,6 +81,8 @@ module calor_material_flow
     procedure :: touch
     !> The interface with one of them as a particle sees it
     procedure :: contact_at
+    !> By how much the heat flux of a field jumps across interfaces
+    procedure :: flux_jump
     procedure, private :: find_points
     procedure, private :: see_interface
     procedure, private :: fill_sides
@@ -215,6 +219,59 @@ contains
       contact%conductivity(k) = value(1, 1)
     end do
   end subroutine contact_at
+
+  !> The largest jump of a field's heat flux through interfaces, as a part of the largest such flux;
+  !> 0 where there are none.
+  function flux_jump(this, materials, field, x, y, spacing) result(part)
+    class(material_flow_t), intent(in) :: this
+    !> The materials
+    type(materials_t), intent(in) :: materials
+    !> The temperature, K
+    type(expression_t), intent(in) :: field
+    !> Coordinates of all particles, and their spacing, m
+    real(wp), intent(in) :: x(:), y(:), spacing
+    real(wp) :: part
+    !> So many places are looked at, by slopes of a parabola through three points on either side, of
+    !> which the first lies so far off
+    integer, parameter :: most_places = 64
+    real(wp), parameter :: offset = 0.02_wp
+    real(wp), parameter :: slope_weight(3) = 0.5_wp*[-5.0_wp, 8.0_wp, -3.0_wp]
+    type(crossing_t) :: seen
+    type(expression_t) :: own_field
+    real(wp) :: flux(2), conductivity(3, 1), foot(2), value(3), jump, largest, step
+    integer(ip) :: particle
+    integer :: k, side
+    logical :: there
+
+    part = 0
+    if (.not. allocated(this%x)) return
+    own_field = field
+    jump = 0
+    largest = 0
+    step = offset*spacing
+    do k = 1, size(this%x), max(1, size(this%x)/most_places)
+      particle = int(minloc((x - this%x(k))**2 + (y - this%y(k))**2, dim=1, &
+                            mask=this%material == this%side(k, 1)), ip)
+      call this%see_interface(this%side(k, 2), x, y, spacing, particle, seen, there)
+      if (.not. there) cycle
+      foot = [x(particle), y(particle)] + seen%foot
+      associate (n => seen%normal)
+        do side = 1, 2
+          ! Into the first material with -n, into the second one with n
+          call own_field%evaluate(foot(1) + (2*side - 3)*n(1)*step*[1, 2, 3], &
+                                  foot(2) + (2*side - 3)*n(2)*step*[1, 2, 3], 0.0_wp, values=value)
+          call materials%conductivity_at(this%side(k, side), foot(1:1), foot(2:2), conductivity)
+          flux(side) = (2*side - 3)*dot_product(slope_weight, value)/step* &
+                       (conductivity(1, 1)*n(1)**2 + conductivity(2, 1)*n(2)**2 + &
+                        2*conductivity(3, 1)*n(1)*n(2))
+        end do
+      end associate
+      if (.not. all(ieee_is_finite(flux))) cycle
+      jump = max(jump, abs(flux(2) - flux(1)))
+      largest = max(largest, maxval(abs(flux)))
+    end do
+    if (largest > 0) part = jump/largest
+  end function flux_jump
 
   subroutine focus(this, materials, x, y, spacing, particles)
     class(material_flow_t), intent(inout) :: this

@@ -20,6 +20,8 @@ module calor_description
 
   !> Width of the column of headings
   integer, parameter :: heading_width = 13
+  !> A jump of the heat flux that is less than this part of it is no jump
+  real(wp), parameter :: noticed_jump = 1.0e-3_wp
 
 contains
 
@@ -174,6 +176,10 @@ contains
       end if
       text = text//'; the estimates of the steps add up to '// &
              to_text(simulation%stepper%accumulated_error, digits=2)//' K'
+      if (simulation%flux_jump > noticed_jump) then
+        text = text//'; not in it: how the heat flux, which jumps where materials touch at '// &
+               't = 0, becomes even'
+      end if
     end function estimate
 
   end function describe_result

@@ -68,6 +68,8 @@ module calor_scene_materials
     procedure :: find_jumps
     procedure :: find_local
     procedure, private :: has_local
+    !> By how much a field's heat flux jumps across interfaces
+    procedure :: flux_jump
     !> Whether a row has neighbours in another material
     procedure :: reaches_across
     procedure, private :: take_melting
@@ -542,5 +544,22 @@ contains
     end do
     operator = merged
   end subroutine replace_rows
+
+  !> The largest jump of a temperature's heat flux, as a part of the largest flux through
+  !> interfaces. 0 where conductivities follow the temperature, as what conducts there is another
+  !> matter.
+  function flux_jump(this, field, cloud) result(part)
+    class(scene_materials_t), intent(in) :: this
+    !> The temperature, K
+    type(expression_t), intent(in) :: field
+    !> The cloud
+    type(cloud_t), intent(in) :: cloud
+    real(wp) :: part
+
+    part = 0
+    if (.not. this%in_force) return
+    if (.not. all(this%materials%list%is_constant())) return
+    part = this%flow%flux_jump(this%materials, field, cloud%x, cloud%y, cloud%spacing)
+  end function flux_jump
 
 end module calor_scene_materials

@@ -110,6 +110,9 @@ module calor_simulation
     real(wp), allocatable :: temperature(:)
     !> The error of the temperatures, where the scene asks for it
     type(error_transport_t), allocatable :: estimate
+    !> By which part of it the initial heat flux through interfaces jumps there, where an estimate
+    !> is asked for: what comes of that in the first moments is in no estimate
+    real(wp) :: flux_jump = 0.0_wp
     !> Where something melts: the same scene with particles twice as far apart, which tells the
     !> error; a simulation_t (gfortran 12 fails on types that hold their own kind)
     class(*), allocatable :: coarser
@@ -1415,6 +1418,7 @@ contains
     call compile_expression(scene%initial_expression, initial, error)
     if (.not. allocated(error)) call make_scene_body(scene%domain, body, error)
     if (allocated(error)) return
+    this%flux_jump = maker%materials%flux_jump(initial, this%cloud)
     call find_jump_errors(initial, this%cloud, body, this%estimate%error)
     call this%conduction%clear_prescribed(this%estimate%error)
     ! What is carried along is the error of the unknown.
