@@ -59,6 +59,8 @@ module calor_rightmost_eigenvalue
   real(wp), parameter :: accuracy = 1.0e-8_wp
   !> Products with the Jacobian are limited to this many, times a thousand unknowns over the size
   real(wp), parameter :: most_products = 1.0e6_wp, fewest_products = 1.0e3_wp
+  !> Restarts of ARPACK that nearly always do
+  integer, parameter :: first_restarts = 20
 
 contains
 
@@ -173,23 +175,44 @@ contains
     integer, intent(in) :: unknowns
     real(wp), intent(in) :: spectral_radius
     type(rightmost_t), intent(inout) :: rightmost
-    integer :: degree
-    logical :: all_fast
+    integer :: restarts
 
-    ! In the plane the slowest of n modes is some 2.5/n of the spectral radius: three times that.
-    degree = max(lowest_degree, min(highest_degree, int(sqrt(2.0_wp*unknowns/3))))
-    do
-      call try_ellipses(evolution, spectral_radius, degree, rightmost, all_fast)
-      if (.not. all_fast .or. degree == lowest_degree) return
-      degree = max(lowest_degree, degree/2)
-    end do
+    ! Where many eigenvalues lie off the axis, polynomials of high degree do not tell slow modes
+    ! apart: rather than patience a lower degree helps.
+    restarts = max(2, int(max(fewest_products, most_products*1.0e3_wp/ &
+                              evolution%all_unknowns())/(krylov_size*highest_degree)))
+    if (restarts > first_restarts) then
+      call try_degrees(first_restarts)
+      if (rightmost%converged .or. rightmost%growth_rate > 0) return
+    end if
+    call try_degrees(restarts)
+
+  contains
+
+    subroutine try_degrees(restarts)
+      !> At most so many of each iteration, of those of the highest degree
+      integer, intent(in) :: restarts
+      integer :: degree
+      logical :: all_fast
+
+      ! In the plane the slowest of n modes is some 2.5/n of the spectral radius: three times that.
+      degree = max(lowest_degree, min(highest_degree, int(sqrt(2.0_wp*unknowns/3))))
+      do
+        call try_ellipses(evolution, spectral_radius, degree, (restarts*highest_degree)/degree, &
+                          rightmost, all_fast)
+        if (rightmost%growth_rate > 0 .or. degree == lowest_degree) return
+        if (.not. all_fast .and. (rightmost%converged .or. restarts > first_restarts)) return
+        degree = max(lowest_degree, degree/2)
+      end do
+    end subroutine try_degrees
   end subroutine arnoldi
 
   !> ARPACK on polynomials of one degree.
-  subroutine try_ellipses(evolution, spectral_radius, degree, rightmost, all_fast)
+  subroutine try_ellipses(evolution, spectral_radius, degree, restarts, rightmost, all_fast)
     class(evolution_t), intent(inout) :: evolution
     real(wp), intent(in) :: spectral_radius
-    integer, intent(in) :: degree
+    !> That degree, and how often ARPACK may restart
+    integer, intent(in) :: degree, restarts
     type(rightmost_t), intent(inout) :: rightmost
     !> Whether what was found lies in the interval of fast decay, where it means nothing
     logical, intent(out) :: all_fast
@@ -203,7 +226,8 @@ contains
     half_height = 0
     do attempt = 1, most_ellipses
       focus = sqrt(half_width**2 - half_height**2)
-      call search(evolution, spectral_radius, degree, centre, focus, rightmost, least, highest)
+      call search(evolution, spectral_radius, degree, restarts, centre, focus, rightmost, least, &
+                  highest)
       if (rightmost%growth_rate > 0) return
       at_zero = cosh(degree*acosh(-centre/focus))
       all_fast = rightmost%growth_rate <= -slow_part*margin*spectral_radius
@@ -218,12 +242,13 @@ contains
   end subroutine try_ellipses
 
   !> ARPACK on one polynomial.
-  subroutine search(evolution, spectral_radius, degree, centre, focus, rightmost, least, highest)
+  subroutine search(evolution, spectral_radius, degree, restarts, centre, focus, rightmost, &
+                    least, highest)
     class(evolution_t), intent(inout) :: evolution
     !> 1/s
     real(wp), intent(in) :: spectral_radius
-    !> Degree of the polynomial
-    integer, intent(in) :: degree
+    !> Degree of the polynomial, and how often ARPACK may restart
+    integer, intent(in) :: degree, restarts
     !> Centre of the ellipse, and half the distance between its foci, 1/s
     real(wp), intent(in) :: centre, focus
     type(rightmost_t), intent(inout) :: rightmost
@@ -248,8 +273,7 @@ contains
     info = 1
     iparam = 0
     iparam(1) = 1
-    iparam(3) = max(2, int(max(fewest_products, most_products*1.0e3_wp/ &
-                                evolution%all_unknowns())/(krylov_size*degree)))
+    iparam(3) = restarts
     iparam(7) = 1
     do
       call evolution%iterate_arnoldi(ido, wanted, tolerance, residual, basis, iparam, ipntr, &
