@@ -1,6 +1,7 @@
 !> The error that a run carries along: how near it comes to the true one.
 module test_error_estimate
   use calor_error, only: error_t
+  use calor_initial_fluxes, only: smooth_kink, kink_value
   use calor_kinds, only: wp
   use calor_laplacian_schemes, only: usual_support
   use calor_scene, only: scene_t
@@ -29,6 +30,8 @@ contains
                 new_unittest('scenes with other shapes and walls', test_scenes), &
                 new_unittest('interfaces between materials', test_interfaces), &
                 new_unittest('heat fluxes that jump at the start are found', test_flux_jumps), &
+                new_unittest('a kink made smooth is the same later on', test_smooth_kink), &
+                new_unittest('heat fluxes that jump at the start', test_kinks), &
                 new_unittest('initial temperatures that jump', test_jumps), &
                 new_unittest('steady temperatures', test_steady), &
                 new_unittest('particles in rigid motion', test_rigid_motion), &
@@ -254,6 +257,134 @@ contains
       if (allocated(error)) return
     end do
   end subroutine test_flux_jumps
+
+  !> The conditions of calor_initial_fluxes, derivatives by differences and integrals by sums.
+  subroutine test_smooth_kink(error)
+    type(test_error), allocatable, intent(out) :: error
+    real(wp), parameter :: conductivities(*) = [10.0_wp, 0.1_wp, 1000.0_wp]
+    real(wp), parameter :: capacities(*) = [1.0_wp, 3.0_wp, 0.2_wp]
+    integer, parameter :: nodes = 20000
+    real(wp) :: coefficient(4, 2), integral, size_of_it, here, beyond, k, c, r
+    integer :: j, m, i
+
+    do j = 1, size(conductivities)
+      k = conductivities(j)
+      c = capacities(j)
+      call smooth_kink(k, c, coefficient)
+      here = kink_value(coefficient(:, 1), 0.0_wp)
+      beyond = kink_value(coefficient(:, 2), 0.0_wp)
+      call check(error, abs(here - beyond) <= 1.0e-10_wp*abs(here), 'jumps')
+      if (allocated(error)) return
+      call check(error, k*slope(coefficient(:, 2), 1) + slope(coefficient(:, 1), 1), -1.0_wp, &
+                 thr=1.0e-5_wp, more='the kink stays')
+      if (allocated(error)) return
+      call check(error, slope(coefficient(:, 1), 2), k/c*slope(coefficient(:, 2), 2), &
+                 thr=1.0e-5_wp*max(1.0_wp, k/c)*maxval(abs(coefficient)), more='the rate jumps')
+      if (allocated(error)) return
+      do m = 0, 3
+        integral = 0
+        size_of_it = 0
+        do i = 1, nodes
+          r = (i - 0.5_wp)/nodes
+          here = (-r)**m*kink_value(coefficient(:, 1), r)/nodes
+          beyond = c*r**m*k**(-mod(m, 2))*(c/k)**(m/2)*kink_value(coefficient(:, 2), r)/nodes
+          integral = integral + here + beyond
+          size_of_it = size_of_it + abs(here) + abs(beyond)
+        end do
+        call check(error, abs(integral) <= 1.0e-6_wp*size_of_it, 'moment '//to_text(m))
+        if (allocated(error)) return
+      end do
+    end do
+
+  contains
+
+    !> The first or second derivative at the interface, outwards
+    pure function slope(one, times)
+      real(wp), intent(in) :: one(:)
+      integer, intent(in) :: times
+      real(wp) :: slope
+      real(wp), parameter :: h = 1.0e-3_wp
+
+      if (times == 1) then
+        slope = (-11*kink_value(one, 0.0_wp) + 18*kink_value(one, h) - 9*kink_value(one, 2*h) + &
+                 2*kink_value(one, 3*h))/(6*h)
+      else
+        slope = (35*kink_value(one, 0.0_wp) - 104*kink_value(one, h) + 114*kink_value(one, 2*h) - &
+                 56*kink_value(one, 3*h) + 11*kink_value(one, 4*h))/(12*h**2)
+      end if
+    end function slope
+
+  end subroutine test_smooth_kink
+
+  !> Two slabs that start from one straight line, against a fine solution in one dimension.
+  subroutine test_kinks(error)
+    type(test_error), allocatable, intent(out) :: error
+    character(len=*), parameter :: names(*) = [character(len=22) :: 'two_slabs_transient_10', &
+                                               'two_slabs_transient_10', 'two_slabs_transient_1000']
+    character(len=*), parameter :: laplacians(*) = [character(len=14) :: 'fatehi_manzari', &
+                                                    'positive', 'fatehi_manzari']
+    character(len=9), parameter :: arrangements(*) = [character(len=9) :: 'lattice', 'jittered', &
+                                                      'relaxed']
+    type(scene_t) :: scene
+    type(simulation_t) :: simulation
+    type(error_t), allocatable :: failure
+    real(wp), allocatable :: truth(:)
+    real(wp) :: effectivity
+    integer :: k, j
+
+    do k = 1, size(names)
+      do j = 1, size(arrangements)
+        call read_scene('data/verification/'//trim(names(k))//'.nml', scene, failure)
+        if (.not. allocated(failure)) then
+          scene%accuracy%estimate = .true.
+          scene%output%file = ''
+          scene%laplacian = trim(laplacians(k))
+          scene%domain%arrangement = trim(arrangements(j))
+          scene%domain%jitter = 0.2_wp
+          call simulation%prepare(scene, failure)
+        end if
+        if (.not. allocated(failure)) call simulation%run(failure)
+        call check(error, .not. allocated(failure))
+        if (allocated(error)) return
+        call read_profile('data/verification/'//trim(names(k))//'.csv', simulation%cloud%x, truth)
+        associate (area => simulation%cloud%area)
+          effectivity = simulation%estimated_error()*sqrt(sum(area*(simulation%temperature + &
+                                              simulation%error_estimate())**2))/ &
+                        sqrt(sum(area*(simulation%temperature - truth)**2))
+        end associate
+        call check(error, effectivity >= lowest .and. effectivity <= highest, &
+                   trim(names(k))//', '//trim(laplacians(k))//', '//trim(arrangements(j))//': '// &
+                   to_text(effectivity, digits=3))
+        if (allocated(error)) return
+      end do
+    end do
+  end subroutine test_kinks
+
+  !> A profile at given places, by straight lines between its points: these are so near to each
+  !> other that it misses a hundredth of the errors asked for.
+  subroutine read_profile(path, x, value)
+    character(len=*), intent(in) :: path
+    real(wp), intent(in) :: x(:)
+    real(wp), allocatable, intent(out) :: value(:)
+    real(wp) :: point(2, 5000), part
+    integer :: unit, n, i, k, status
+
+    open (newunit=unit, file=path, action='read', status='old')
+    read (unit, *)
+    n = 0
+    do
+      read (unit, *, iostat=status) point(:, n + 1)
+      if (status /= 0) exit
+      n = n + 1
+    end do
+    close (unit)
+    allocate (value(size(x)))
+    do i = 1, size(x)
+      k = max(1, min(n - 1, count(point(1, :n) <= x(i))))
+      part = (x(i) - point(1, k))/(point(1, k + 1) - point(1, k))
+      value(i) = (1 - part)*point(2, k) + part*point(2, k + 1)
+    end do
+  end subroutine read_profile
 
   !> Where between two particles a field jumps the particles do not tell: an error of first order.
   !> A front along a column of particles, with the insulated slab's Fourier series, and one at an

@@ -19,7 +19,7 @@ module calor_material_flow
   implicit none (type, external)
   private
 
-  public :: material_flow_t
+  public :: material_flow_t, crossing_t
 
   !> Pairs of particles this many spacings apart at most are asked for an interface between them
   real(wp), parameter :: reach = 2.1_wp
@@ -83,6 +83,8 @@ module calor_material_flow
     procedure :: contact_at
     !> By how much the heat flux of a field jumps across interfaces
     procedure :: flux_jump
+    !> All interfaces near the particles for which it has been made ready
+    procedure :: crossings
     procedure, private :: find_points
     procedure, private :: see_interface
     procedure, private :: fill_sides
@@ -323,6 +325,21 @@ contains
       call this%fill_sides(materials, i, x, y, spacing, particles)
     end do
   end subroutine focus
+
+  pure subroutine crossings(this, crossing, owner)
+    class(material_flow_t), intent(in) :: this
+    !> The interfaces
+    type(crossing_t), allocatable, intent(out) :: crossing(:)
+    !> Which of the particles given to `focus` sees each
+    integer, allocatable, intent(out) :: owner(:)
+    integer :: k
+
+    crossing = this%crossing
+    allocate (owner(size(crossing)))
+    do k = 1, size(this%first) - 1
+      owner(this%first(k):this%first(k + 1) - 1) = k
+    end do
+  end subroutine crossings
 
   !> The interface with another material nearest to a particle: a parabola through the points found
   !> on it, by least squares of their distances from it.

@@ -176,9 +176,10 @@ contains
       end if
       text = text//'; the estimates of the steps add up to '// &
              to_text(simulation%stepper%accumulated_error, digits=2)//' K'
-      if (simulation%flux_jump > noticed_jump) then
-        text = text//'; not in it: how the heat flux, which jumps where materials touch at '// &
-               't = 0, becomes even'
+      if (simulation%flux_jump > noticed_jump .and. simulation%scene%laplacian == 'consistent' &
+          .and. simulation%scene%order > 2) then
+        text = text//'; only roughly in it: how the heat flux, which jumps where materials '// &
+               'touch at t = 0, becomes even'
       end if
     end function estimate
 

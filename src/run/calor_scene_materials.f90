@@ -18,7 +18,7 @@ module calor_scene_materials
   use calor_kinds, only: wp, ip, i8
   use calor_laplacian_scheme, only: row_rule_t
   use calor_local_conductivity, only: local_conductivity_t
-  use calor_material_flow, only: material_flow_t
+  use calor_material_flow, only: crossing_t, material_flow_t
   use calor_materials, only: materials_t, material_t, read_materials
   use calor_medium, only: medium_t
   use calor_potential_jumps, only: potential_jumps_t, contact_t
@@ -72,6 +72,8 @@ module calor_scene_materials
     procedure :: flux_jump
     !> Whether a row has neighbours in another material
     procedure :: reaches_across
+    !> Interfaces between constant materials as particles see them
+    procedure :: see_interfaces
     procedure, private :: take_melting
     procedure, private :: compare_factors
     !> Whether rows depend on the material of the particles only, and on no place or direction
@@ -247,6 +249,24 @@ contains
     end subroutine make_anew
 
   end subroutine convert
+
+  subroutine see_interfaces(this, cloud, particle, crossing, owner)
+    class(scene_materials_t), intent(inout) :: this
+    !> The cloud, and some of its particles
+    type(cloud_t), intent(in) :: cloud
+    integer(ip), intent(in) :: particle(:)
+    !> The interfaces, none where a material is not constant
+    type(crossing_t), allocatable, intent(out) :: crossing(:)
+    !> Which of the particles sees each
+    integer, allocatable, intent(out) :: owner(:)
+
+    if (all(this%materials%list%is_constant())) then
+      call this%flow%focus(this%materials, cloud%x, cloud%y, cloud%spacing, particle)
+      call this%flow%crossings(crossing, owner)
+    else
+      allocate (crossing(0), owner(0))
+    end if
+  end subroutine see_interfaces
 
   !> The laws of heat contents; not allocated where those are the temperatures.
   subroutine find_content(this, file, cloud, effects, lowest, highest, content, error)

@@ -13,6 +13,7 @@ module calor_simulation
   use calor_expression, only: expression_t, compile_expression
   use calor_heat_content, only: heat_content_t
   use calor_heat_budget, only: heat_budget_t, budget_entry_t
+  use calor_initial_fluxes, only: find_flux_errors
   use calor_initial_jumps, only: find_jump_errors
   use calor_integrators, only: make_integrator
   use calor_interrupt, only: interrupted, interrupt_status
@@ -111,7 +112,7 @@ module calor_simulation
     !> The error of the temperatures, where the scene asks for it
     type(error_transport_t), allocatable :: estimate
     !> By which part of it the initial heat flux through interfaces jumps there, where an estimate
-    !> is asked for: what comes of that in the first moments is in no estimate
+    !> is asked for: what comes of that in the first moments is told only roughly for high orders
     real(wp) :: flux_jump = 0.0_wp
     !> Where something melts: the same scene with particles twice as far apart, which tells the
     !> error; a simulation_t (gfortran 12 fails on types that hold their own kind)
@@ -1420,6 +1421,10 @@ contains
     if (allocated(error)) return
     this%flux_jump = maker%materials%flux_jump(initial, this%cloud)
     call find_jump_errors(initial, this%cloud, body, this%estimate%error)
+    if (maker%materials%in_force) then
+      call find_flux_errors(initial, this%cloud, maker%materials, reference%laplacian, &
+                            this%estimate%error)
+    end if
     call this%conduction%clear_prescribed(this%estimate%error)
     ! What is carried along is the error of the unknown.
     if (.not. allocated(this%content)) return
